@@ -1,0 +1,75 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include <glm/vec3.hpp>
+
+#include "common/archive/archive.h"
+#include "common/domain/bake_domain.h"
+#include "common/domain/direction_grid.h"
+#include "common/lobes/vmf.h"
+
+namespace glint {
+
+/// A point of the surface seen from `wo`, and all that the layers' look-ups share.
+struct TransferPoint {
+  uint32_t triangle = kNone;
+  float u = 0, v = 0;
+  glm::vec3 wo{0, 0, 1};      ///< unit, world, towards the viewer
+  glm::vec3 normal{0, 0, 1};  ///< interpolated shading normal on wo's side, unit
+  bool back = false;          ///< seen from behind a double-sided surface
+  float cos_o = 0;            ///< normal . wo, > 0
+  glm::vec3 specular{0}, diffuse{0};  ///< interpolated reflectance
+  glm::vec3 diffuse_albedo{0};
+  BrdfSlice slice;            ///< unoccluded lobes at cos_o
+  std::array<glm::vec3, kMaxBrdfLobes> lobe_mu;  ///< their directions, world
+  std::array<uint32_t, 3> vertex{};
+  std::array<float, 3> vertex_weight{};  ///< 0 for vertices whose normal faces away from wo
+  DirectionGrid::Location direction{};
+};
+
+/// One term of a point's transfer: radiance = alpha * (environment filtered by the lobe). With `cosine` set the term is
+/// alpha * max(0, irradiance(normal) / pi - filtered(normal, kCosineKappa) + filtered(mu, kappa)): the exact cosine lobe
+/// when nothing blocks it, and a smooth way from there.
+struct TransferLobe {
+  glm::vec3 alpha{0};  ///< linear RGB
+  glm::vec3 mu{0, 0, 1};
+  float kappa = 0;
+  bool cosine = false;
+};
+
+/// vMF with the mean cosine 2/3 of the cosine lobe.
+inline constexpr float kCosineKappa = 2.9871f;
+
+/// At most this many lobes come from one layer at one point: every BRDF lobe read as up to three when its corners are
+/// too far apart to be averaged, and the diffuse one.
+inline constexpr int kMaxLayerLobes = 3 * kMaxBrdfLobes + 3;
+
+/// Fixed list of a layer's lobes at a point.
+struct LayerLobes {
+  int count = 0;
+  std::array<TransferLobe, kMaxLayerLobes> lobe;
+};
+
+/// Reads slices at any point and direction by interpolation over the triangle's vertices and the grid directions around
+/// wo (laurijssen2011 Eq. 7); lobes further apart than 2 / sqrt(kappa) are kept apart. Thread-safe.
+class TransferReader {
+ public:
+  TransferReader(const BakeDomain& domain, const DirectionGrid& grid) : domain_(domain), grid_(grid) {}
+
+  /// False where nothing is reflected: seen from behind a single-sided surface.
+  bool Prepare(uint32_t triangle, float u, float v, const glm::vec3& wo, TransferPoint* point) const;
+  /// Lobes of layer `index` (0: direct) at the point.
+  void Read(const TransferPoint& point, const LayerViews& layer, int index, LayerLobes* out) const;
+
+ private:
+  void ReadDirect(const TransferPoint& point, const LayerViews& layer, LayerLobes* out) const;
+  void ReadIndirect(const TransferPoint& point, const LayerViews& layer, LayerLobes* out) const;
+
+  const BakeDomain& domain_;
+  const DirectionGrid& grid_;
+};
+
+}  // namespace glint

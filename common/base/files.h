@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/base/status.h"
+
+namespace glint {
+
+/// Publishes `bytes` at `path`: temporary in the same folder, write, fsync, rename, fsync of the folder. A reader sees
+/// the old file, or the new one, never a part of it. Errors: kIo, naming the path.
+Status PublishFile(const std::filesystem::path& path, std::span<const std::byte> bytes);
+
+/// The same for a file that is written in pieces: write to temp_path(), then Commit(). Without Commit the temporary
+/// is removed.
+class FilePublisher {
+ public:
+  static Result<FilePublisher> Create(const std::filesystem::path& path);
+  FilePublisher(FilePublisher&&) noexcept;
+  FilePublisher& operator=(FilePublisher&&) = delete;
+  ~FilePublisher();
+
+  Status Write(std::span<const std::byte> bytes);
+  uint64_t offset() const { return offset_; }
+  Status Commit();
+
+ private:
+  FilePublisher() = default;
+  std::filesystem::path path_, temp_;
+  int fd_ = -1;
+  uint64_t offset_ = 0;
+};
+
+/// Whole file, refusing more than `max_bytes` (kLimit) and absent or unreadable files (kBadInput).
+Result<std::vector<std::byte>> ReadFile(const std::filesystem::path& path, uint64_t max_bytes);
+
+/// A read-only memory mapping of a whole file; empty for an empty file.
+class MappedFile {
+ public:
+  static Result<MappedFile> Open(const std::filesystem::path& path);
+  MappedFile() = default;
+  MappedFile(MappedFile&&) noexcept;
+  MappedFile& operator=(MappedFile&&) noexcept;
+  ~MappedFile();
+  std::span<const std::byte> bytes() const { return {data_, size_}; }
+
+ private:
+  const std::byte* data_ = nullptr;
+  size_t size_ = 0;
+};
+
+}  // namespace glint

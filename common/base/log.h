@@ -1,0 +1,24 @@
+#pragma once
+
+#include <atomic>
+#include <string>
+
+namespace glint {
+
+/// Severity of a message to the user. Notes and warnings go to standard error; results go to standard output.
+enum class LogLevel { kError = 0, kWarning = 1, kNote = 2, kProgress = 3 };
+
+/// Messages above this level are dropped. `--quiet` sets kError.
+void SetLogLevel(LogLevel level);
+/// Writes one line, prefixed with the level's word, to standard error. Thread-safe.
+void Log(LogLevel level, const std::string& message);
+
+/// True once the user asked to stop (SIGINT or SIGTERM after InstallStopHandler). Long loops look at it.
+bool StopRequested();
+void RequestStop();
+/// For tests: forget an earlier request.
+void ClearStop();
+/// Makes SIGINT and SIGTERM ask for a stop; the second one ends the process at once.
+void InstallStopHandler();
+
+}  // namespace glint

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include <glm/vec3.hpp>
+
+namespace glint {
+
+/// Geodesic view directions: the icosahedron subdivided `level` times, 10 * 4^level + 2 unit directions in the world
+/// frame. Indices follow a Morton curve over the octahedral map, so that close directions have close indices (the
+/// entries of a sparse row then lie together).
+class DirectionGrid {
+ public:
+  static constexpr int kMaxLevel = 5;
+  explicit DirectionGrid(int level);
+
+  int level() const { return level_; }
+  uint32_t size() const { return static_cast<uint32_t>(directions_.size()); }
+  const glm::vec3& direction(uint32_t i) const { return directions_[i]; }
+  const std::vector<glm::vec3>& directions() const { return directions_; }
+  const std::vector<std::array<uint32_t, 3>>& triangles() const { return triangles_; }
+
+  /// The triangle around a direction and barycentric weights (>= 0, sum 1) of its corners.
+  struct Location {
+    std::array<uint32_t, 3> index;
+    std::array<float, 3> weight;
+  };
+  Location Locate(const glm::vec3& direction) const;
+
+  /// Level with exactly `directions` directions, or -1.
+  static int LevelOf(uint32_t directions);
+
+ private:
+  int level_;
+  std::vector<glm::vec3> directions_;
+  std::vector<std::array<uint32_t, 3>> triangles_;
+  std::vector<std::array<glm::vec3, 3>> edge_normals_;   ///< per triangle, scaled so that weights come out by dot
+  std::vector<std::array<uint32_t, 3>> neighbours_;      ///< across the edge opposite to corner i
+  std::vector<uint32_t> start_;                          ///< octahedral cell -> triangle to start the walk from
+  int cells_ = 0;
+};
+
+}  // namespace glint

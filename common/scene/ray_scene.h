@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include <glm/vec3.hpp>
+
+#include "common/scene/scene.h"
+
+namespace glint {
+
+/// Where a ray met the scene. `triangle` is kNone for a miss. Position = (1-u-v) p0 + u p1 + v p2.
+struct Hit {
+  uint32_t triangle = kNone;
+  float u = 0, v = 0;  ///< barycentric, >= 0, u + v <= 1
+  float t = 0;         ///< distance in units of the ray's direction
+  bool hit() const { return triangle != kNone; }
+};
+
+struct Ray {
+  glm::vec3 origin{0};
+  float t_near = 0;
+  glm::vec3 direction{0, 0, 1};
+  float t_far = 3.0e38f;
+};
+
+/// The scene's triangles in an Embree BVH (robust mode). Immutable and safe to share between threads.
+class RayScene {
+ public:
+  explicit RayScene(const Scene& scene, int build_threads = 0);
+  ~RayScene();
+  RayScene(RayScene&&) noexcept;
+  RayScene& operator=(RayScene&&) = delete;
+
+  Hit Intersect(const Ray& ray) const;
+  /// True if anything lies in [t_near, t_far].
+  bool Occluded(const Ray& ray) const;
+  /// Closest hits of `count` rays that start at one place and are sorted so that neighbours point to like directions;
+  /// traced eight at a time as coherent packets, so the result depends on these rays alone.
+  void IntersectCoherent(const Ray* rays, Hit* hits, int count) const;
+
+  /// A distance that is surely above the rounding of positions here: offset rays' origins by it along the normal.
+  float epsilon() const { return epsilon_; }
+  /// Library and instruction set in use, for task keys ("embree 3.13.5 avx2").
+  static std::string EngineId();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+  float epsilon_ = 0;
+};
+
+}  // namespace glint

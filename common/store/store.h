@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "common/base/hash.h"
+#include "common/base/status.h"
+
+namespace glint {
+
+/// Content-addressed chunks on a file system, and the record of which task's result each one is. Layout under root:
+///   chunks/ab/<digest>   the blob: header (magic, version, payload bytes, XXH3 of the payload), payload
+///   tasks/ab/<key>       the digest of the task's result, hexadecimal
+/// Everything is published by write, fsync, rename, fsync of the folder. Any number of threads and processes may share
+/// a root: two that finish one task write the same bytes.
+class ChunkStore {
+ public:
+  static Result<ChunkStore> Open(const std::filesystem::path& root);
+
+  /// Digest of the task's result, if it is finished and its chunk is there.
+  std::optional<Digest> FindResult(const Digest& task_key) const;
+  /// Publishes the payload, then the task's record. Safe to repeat.
+  Result<Digest> PutResult(const Digest& task_key, std::span<const std::byte> payload);
+  /// Payload of a chunk; header, length, checksum and digest are checked. kBadInput with the file's name if damaged.
+  Result<std::vector<std::byte>> Get(const Digest& digest) const;
+  /// Forgets a task's record and removes its damaged chunk, so that the task is computed again.
+  Status Discard(const Digest& task_key, const Digest& digest);
+
+  const std::filesystem::path& root() const { return root_; }
+
+ private:
+  explicit ChunkStore(std::filesystem::path root) : root_(std::move(root)) {}
+  std::filesystem::path root_;
+};
+
+}  // namespace glint
