@@ -11,12 +11,12 @@
 
 namespace glint {
 
-/// Publishes `bytes` at `path`: temporary in the same folder, write, fsync, rename, fsync of the folder. A reader sees
-/// the old file, or the new one, never a part of it. Errors: kIo, naming the path.
+/// Publishes `bytes` at `path`: temporary in the same folder, write, fsync, rename, fsync of the folder. A
+/// reader sees the old file, or the new one, never a part of it. Errors: kIo, naming the path.
 Status PublishFile(const std::filesystem::path& path, std::span<const std::byte> bytes);
 
-/// The same for a file that is written in pieces: write to temp_path(), then Commit(). Without Commit the temporary
-/// is removed.
+/// The same for a file that is written in pieces: write to temp_path(), then Commit(). Without Commit the
+/// temporary is removed.
 class FilePublisher {
  public:
   static Result<FilePublisher> Create(const std::filesystem::path& path);

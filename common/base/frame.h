@@ -1,9 +1,8 @@
 #pragma once
 
 #include <cmath>
-
-#include <glm/vec3.hpp>
 #include <glm/geometric.hpp>
+#include <glm/vec3.hpp>
 
 namespace glint {
 

@@ -21,8 +21,8 @@ struct Digest {
   std::string Hex() const;
 };
 
-/// Incremental SHA-256. Fields are fed with their length or fixed width, so that two different sequences of fields
-/// never give the same bytes.
+/// Incremental SHA-256. Fields are fed with their length or fixed width, so that two different sequences of
+/// fields never give the same bytes.
 class Hasher {
  public:
   Hasher();
@@ -34,13 +34,11 @@ class Hasher {
   Hasher& String(std::string_view s);               ///< length, then the characters
   Hasher& Add(const Digest& digest);
   template <class T>
-    requires(std::is_arithmetic_v<T> || std::is_enum_v<T>)
-  Hasher& Add(T value) {
+  requires(std::is_arithmetic_v<T> || std::is_enum_v<T>) Hasher& Add(T value) {
     return Raw(&value, sizeof value);
   }
   template <class T>
-    requires std::is_trivially_copyable_v<T>
-  Hasher& Array(std::span<const T> values) {
+  requires std::is_trivially_copyable_v<T> Hasher& Array(std::span<const T> values) {
     return Bytes(std::as_bytes(values));
   }
   Digest Finish();

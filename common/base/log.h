@@ -10,7 +10,8 @@ enum class LogLevel { kError = 0, kWarning = 1, kNote = 2, kProgress = 3 };
 
 /// Messages above this level are dropped. `--quiet` sets kError.
 void SetLogLevel(LogLevel level);
-/// Writes one line, prefixed with the level's word, to standard error. Thread-safe.
+/// Writes one line, prefixed with the level's word, to standard error. Thread-safe. On a terminal a progress
+/// line is replaced by the next message; the words are coloured there unless NO_COLOR is set.
 void Log(LogLevel level, const std::string& message);
 
 /// True once the user asked to stop (SIGINT or SIGTERM after InstallStopHandler). Long loops look at it.

@@ -5,8 +5,8 @@
 
 namespace glint {
 
-/// Philox4x32-10 (Salmon et al. 2011): four random words as a pure function of a 128-bit counter and a 64-bit key, so
-/// that a sample depends on what it is for and never on who drew it or when.
+/// Philox4x32-10 (Salmon et al. 2011): four random words as a pure function of a 128-bit counter and a 64-bit
+/// key, so that a sample depends on what it is for and never on who drew it or when.
 inline std::array<uint32_t, 4> Philox4x32(std::array<uint32_t, 4> counter, std::array<uint32_t, 2> key) {
   for (int round = 0; round < 10; ++round) {
     const uint64_t p0 = uint64_t{0xD2511F53u} * counter[0];

@@ -51,7 +51,7 @@ inline Status Interrupted(std::string m) { return {ErrorKind::kInterrupted, std:
 template <class T>
 class [[nodiscard]] Result {
  public:
-  Result(T value) : value_(std::move(value)) {}                                   // NOLINT: implicit by design
+  Result(T value) : value_(std::move(value)) {}                                  // NOLINT: implicit by design
   Result(Status status) : status_(std::move(status)) { assert(!status_.ok()); }  // NOLINT: implicit by design
 
   bool ok() const { return value_.has_value(); }
@@ -73,14 +73,14 @@ class [[nodiscard]] Result {
 #define GLINT_CONCAT_(a, b) GLINT_CONCAT_INNER_(a, b)
 
 /// Returns the failed Status of `expr` from the calling function.
-#define GLINT_RETURN_IF_ERROR(expr)                                   \
-  do {                                                                \
-    if (::glint::Status glint_status_ = (expr); !glint_status_.ok()) \
-      return glint_status_;                                           \
+#define GLINT_RETURN_IF_ERROR(expr)                                                        \
+  do {                                                                                     \
+    if (::glint::Status glint_status_ = (expr); !glint_status_.ok()) return glint_status_; \
   } while (false)
 
 /// Declares `lhs` from the value of the Result `expr`, or returns its Status.
-#define GLINT_ASSIGN_OR_RETURN(lhs, expr) GLINT_ASSIGN_OR_RETURN_(GLINT_CONCAT_(glint_result_, __LINE__), lhs, expr)
+#define GLINT_ASSIGN_OR_RETURN(lhs, expr) \
+  GLINT_ASSIGN_OR_RETURN_(GLINT_CONCAT_(glint_result_, __LINE__), lhs, expr)
 #define GLINT_ASSIGN_OR_RETURN_(result, lhs, expr) \
   auto result = (expr);                            \
   if (!result.ok()) return result.status();        \

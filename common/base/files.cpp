@@ -1,0 +1,178 @@
+#include "common/base/files.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <system_error>
+#include <utility>
+
+#include "common/base/crash_point.h"
+
+namespace glint {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string ErrnoText(int error) { return std::generic_category().message(error); }
+
+/// Closes on every way out.
+struct Descriptor {
+  int fd = -1;
+  ~Descriptor() {
+    if (fd >= 0) close(fd);
+  }
+};
+
+int OpenRetrying(const fs::path& path, int flags, mode_t mode = 0) {
+  int fd = -1;
+  do {
+    fd = open(path.c_str(), flags | O_CLOEXEC, mode);
+  } while (fd < 0 && errno == EINTR);
+  return fd;
+}
+
+fs::path FolderOf(const fs::path& path) {
+  return path.has_parent_path() ? path.parent_path() : fs::path(".");
+}
+
+/// Names no file that this process has used before; other processes are told apart by O_EXCL.
+fs::path NextTemporary(const fs::path& path) {
+  static std::atomic<uint64_t> counter{0};
+  return FolderOf(path) / ("." + path.filename().string() + "." + std::to_string(getpid()) + "." +
+                           std::to_string(counter++) + ".tmp");
+}
+
+Status SyncFolder(const fs::path& folder) {
+  const Descriptor folder_fd{OpenRetrying(folder, O_RDONLY | O_DIRECTORY)};
+  if (folder_fd.fd < 0) return IoError(folder.string() + ": cannot open the folder: " + ErrnoText(errno));
+  // Some network file systems refuse to sync a folder (EINVAL); their rename is as durable as it gets.
+  if (fsync(folder_fd.fd) != 0 && errno != EINVAL) {
+    return IoError(folder.string() + ": cannot sync the folder: " + ErrnoText(errno));
+  }
+  return {};
+}
+
+/// Opens a regular file for reading and finds its size.
+Result<uint64_t> OpenRegular(const fs::path& path, Descriptor& file) {
+  file.fd = OpenRetrying(path, O_RDONLY | O_NONBLOCK);  // non-blocking: a named pipe must not hang us
+  if (file.fd < 0) return BadInput(path.string() + ": cannot open: " + ErrnoText(errno));
+  struct stat info = {};
+  if (fstat(file.fd, &info) != 0) return BadInput(path.string() + ": cannot inspect: " + ErrnoText(errno));
+  if (!S_ISREG(info.st_mode)) return BadInput(path.string() + ": not a regular file");
+  return static_cast<uint64_t>(info.st_size);
+}
+
+}  // namespace
+
+Status PublishFile(const fs::path& path, std::span<const std::byte> bytes) {
+  GLINT_ASSIGN_OR_RETURN(FilePublisher publisher, FilePublisher::Create(path));
+  GLINT_RETURN_IF_ERROR(publisher.Write(bytes));
+  return publisher.Commit();
+}
+
+Result<FilePublisher> FilePublisher::Create(const fs::path& path) {
+  if (!path.has_filename()) return IoError("'" + path.string() + "': not the name of a file to write");
+  FilePublisher publisher;
+  publisher.path_ = path;
+  for (int attempt = 0; attempt < 1000; ++attempt) {
+    const fs::path temp = NextTemporary(path);
+    publisher.fd_ = OpenRetrying(temp, O_WRONLY | O_CREAT | O_EXCL, 0666);
+    if (publisher.fd_ >= 0) {
+      publisher.temp_ = temp;
+      CrashPoint("before-write");
+      return publisher;
+    }
+    if (errno != EEXIST) break;
+  }
+  return IoError(path.string() + ": cannot create a file in this folder: " + ErrnoText(errno));
+}
+
+FilePublisher::FilePublisher(FilePublisher&& other) noexcept
+    : path_(std::move(other.path_)),
+      temp_(std::exchange(other.temp_, {})),
+      fd_(std::exchange(other.fd_, -1)),
+      offset_(other.offset_) {}
+
+FilePublisher::~FilePublisher() {
+  if (fd_ >= 0) close(fd_);
+  if (!temp_.empty()) unlink(temp_.c_str());
+}
+
+Status FilePublisher::Write(std::span<const std::byte> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = write(fd_, bytes.data(), bytes.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) return IoError(path_.string() + ": cannot write: " + ErrnoText(errno));
+    bytes = bytes.subspan(static_cast<size_t>(written));
+    offset_ += static_cast<uint64_t>(written);
+  }
+  return {};
+}
+
+Status FilePublisher::Commit() {
+  CrashPoint("after-write");
+  if (fsync(fd_) != 0) return IoError(path_.string() + ": cannot sync to disk: " + ErrnoText(errno));
+  // A network file system may report a failed write as late as here.
+  if (close(std::exchange(fd_, -1)) != 0)
+    return IoError(path_.string() + ": cannot close: " + ErrnoText(errno));
+  CrashPoint("before-rename");
+  if (rename(temp_.c_str(), path_.c_str()) != 0) {
+    return IoError(path_.string() + ": cannot put the written file in place: " + ErrnoText(errno));
+  }
+  temp_.clear();
+  CrashPoint("after-rename");
+  GLINT_RETURN_IF_ERROR(SyncFolder(FolderOf(path_)));
+  CrashPoint("after-dir-fsync");
+  return {};
+}
+
+Result<std::vector<std::byte>> ReadFile(const fs::path& path, uint64_t max_bytes) {
+  Descriptor file;
+  GLINT_ASSIGN_OR_RETURN(const uint64_t size, OpenRegular(path, file));
+  if (size > max_bytes) {
+    return LimitExceeded(path.string() + ": " + std::to_string(size) + " bytes, more than the limit of " +
+                         std::to_string(max_bytes));
+  }
+  std::vector<std::byte> bytes(size);
+  size_t filled = 0;
+  while (filled < bytes.size()) {
+    const ssize_t got = read(file.fd, bytes.data() + filled, bytes.size() - filled);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return BadInput(path.string() + ": cannot read: " + ErrnoText(errno));
+    if (got == 0) return BadInput(path.string() + ": became shorter while it was read");
+    filled += static_cast<size_t>(got);
+  }
+  return bytes;
+}
+
+Result<MappedFile> MappedFile::Open(const fs::path& path) {
+  Descriptor file;
+  GLINT_ASSIGN_OR_RETURN(const uint64_t size, OpenRegular(path, file));
+  MappedFile mapped;
+  if (size == 0) return mapped;
+  void* data = mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file.fd, 0);
+  if (data == MAP_FAILED) return IoError(path.string() + ": cannot map into memory: " + ErrnoText(errno));
+  mapped.data_ = static_cast<const std::byte*>(data);
+  mapped.size_ = size;
+  return mapped;
+}
+
+MappedFile::MappedFile(MappedFile&& other) noexcept
+    : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
+
+MappedFile& MappedFile::operator=(MappedFile&& other) noexcept {
+  std::swap(data_, other.data_);
+  std::swap(size_, other.size_);
+  return *this;
+}
+
+MappedFile::~MappedFile() {
+  if (data_ != nullptr) munmap(const_cast<std::byte*>(data_), size_);  // munmap's signature is not const
+}
+
+}  // namespace glint
