@@ -2,9 +2,8 @@
 
 #include <array>
 #include <cstdint>
-#include <span>
-
 #include <glm/vec3.hpp>
+#include <span>
 
 #include "common/archive/archive.h"
 #include "common/domain/bake_domain.h"
@@ -17,22 +16,25 @@ namespace glint {
 struct TransferPoint {
   uint32_t triangle = kNone;
   float u = 0, v = 0;
-  glm::vec3 wo{0, 0, 1};      ///< unit, world, towards the viewer
-  glm::vec3 normal{0, 0, 1};  ///< interpolated shading normal on wo's side, unit
-  bool back = false;          ///< seen from behind a double-sided surface
-  float cos_o = 0;            ///< normal . wo, > 0
+  glm::vec3 wo{0, 0, 1};              ///< unit, world, towards the viewer
+  glm::vec3 normal{0, 0, 1};          ///< interpolated shading normal on wo's side, unit
+  bool back = false;                  ///< seen from behind a double-sided surface
+  float cos_o = 0;                    ///< normal . wo, > 0
   glm::vec3 specular{0}, diffuse{0};  ///< interpolated reflectance
   glm::vec3 diffuse_albedo{0};
-  BrdfSlice slice;            ///< unoccluded lobes at cos_o
+  BrdfSlice slice;                               ///< unoccluded lobes at cos_o
   std::array<glm::vec3, kMaxBrdfLobes> lobe_mu;  ///< their directions, world
   std::array<uint32_t, 3> vertex{};
-  std::array<float, 3> vertex_weight{};  ///< 0 for vertices whose normal faces away from wo
-  DirectionGrid::Location direction{};
+  std::array<uint32_t, 3> column{};  ///< grid directions around wo
+  /// Weight of (vertex i, column j) at [3 i + j]: 0 where the direction lies under the vertex's own horizon
+  /// (no slice is defined there), and the rest add up to 1.
+  std::array<float, 9> corner_weight{};
+  std::array<float, 3> vertex_weight{};  ///< barycentric, for slices that do not depend on wo
 };
 
-/// One term of a point's transfer: radiance = alpha * (environment filtered by the lobe). With `cosine` set the term is
-/// alpha * max(0, irradiance(normal) / pi - filtered(normal, kCosineKappa) + filtered(mu, kappa)): the exact cosine lobe
-/// when nothing blocks it, and a smooth way from there.
+/// One term of a point's transfer: radiance = alpha * (environment filtered by the lobe). With `cosine` set
+/// the term is alpha * max(0, irradiance(normal) / pi - filtered(normal, kCosineKappa) + filtered(mu,
+/// kappa)): the exact cosine lobe when nothing blocks it, and a smooth way from there.
 struct TransferLobe {
   glm::vec3 alpha{0};  ///< linear RGB
   glm::vec3 mu{0, 0, 1};
@@ -43,18 +45,26 @@ struct TransferLobe {
 /// vMF with the mean cosine 2/3 of the cosine lobe.
 inline constexpr float kCosineKappa = 2.9871f;
 
-/// At most this many lobes come from one layer at one point: every BRDF lobe read as up to three when its corners are
-/// too far apart to be averaged, and the diffuse one.
-inline constexpr int kMaxLayerLobes = 3 * kMaxBrdfLobes + 3;
+/// A BRDF lobe is read as up to this many when its corners are too far apart to be averaged.
+inline constexpr int kMaxGroups = 3;
+/// At most this many lobes come from one layer at one point.
+inline constexpr int kMaxLayerLobes = kMaxGroups * (kMaxBrdfLobes + 1);
 
 /// Fixed list of a layer's lobes at a point.
 struct LayerLobes {
   int count = 0;
   std::array<TransferLobe, kMaxLayerLobes> lobe;
+
+  void Add(const TransferLobe& l) { lobe[count++] = l; }
 };
 
-/// Reads slices at any point and direction by interpolation over the triangle's vertices and the grid directions around
-/// wo (laurijssen2011 Eq. 7); lobes further apart than 2 / sqrt(kappa) are kept apart. Thread-safe.
+/// x and z axes of the frame in which BrdfSlice lobes are given: wo lies in their plane on the positive x
+/// side. At normal incidence, where every plane will do, x is some tangent.
+std::array<glm::vec3, 2> IncidenceAxes(const glm::vec3& normal, const glm::vec3& wo);
+
+/// Reads slices at any point and direction by interpolation over the triangle's vertices and the grid
+/// directions around wo (laurijssen2011 Eq. 7); lobes further apart than 2 / sqrt(kappa) are kept apart.
+/// Thread-safe.
 class TransferReader {
  public:
   TransferReader(const BakeDomain& domain, const DirectionGrid& grid) : domain_(domain), grid_(grid) {}
@@ -65,8 +75,9 @@ class TransferReader {
   void Read(const TransferPoint& point, const LayerViews& layer, int index, LayerLobes* out) const;
 
  private:
-  void ReadDirect(const TransferPoint& point, const LayerViews& layer, LayerLobes* out) const;
-  void ReadIndirect(const TransferPoint& point, const LayerViews& layer, LayerLobes* out) const;
+  bool OrientNormal(uint32_t triangle, const std::array<float, 3>& barycentric, TransferPoint* point) const;
+  void InterpolateReflectance(const std::array<float, 3>& barycentric, TransferPoint* point) const;
+  void WeighCorners(TransferPoint* point) const;
 
   const BakeDomain& domain_;
   const DirectionGrid& grid_;

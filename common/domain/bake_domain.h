@@ -1,9 +1,9 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
-#include <vector>
-
 #include <glm/vec3.hpp>
+#include <vector>
 
 #include "common/base/status.h"
 #include "common/lobes/brdf_table.h"
@@ -11,23 +11,25 @@
 
 namespace glint {
 
-/// The surface as the bake and the renderer see it: vertices with normals and BRDFs, triangles, fitted shapes. It is
-/// what the archive's geometry and BRDF sections hold. Triangle indices are the scene's.
+/// The surface as the bake and the renderer see it: vertices with normals and BRDFs, triangles, fitted
+/// shapes. It is what the archive's geometry and BRDF sections hold. Triangle indices are the scene's.
 struct BakeDomain {
   std::vector<glm::vec3> positions;
-  std::vector<glm::vec3> normals;            ///< unit shading normals
+  std::vector<glm::vec3> normals;  ///< unit shading normals
   std::vector<std::array<uint32_t, 3>> triangles;
   std::vector<uint8_t> triangle_double_sided;
-  std::vector<glm::vec3> specular;           ///< per vertex: F0 or ks
-  std::vector<glm::vec3> diffuse;            ///< per vertex: base (1 - metallic) or kd
-  std::vector<uint16_t> shape;               ///< per vertex: index into shapes
-  std::vector<uint8_t> double_sided;         ///< per vertex
-  std::vector<BrdfShape> shapes;             ///< each distinct (model, shape) of the scene, fitted
+  std::vector<glm::vec3> specular;    ///< per vertex: F0 or ks
+  std::vector<glm::vec3> diffuse;     ///< per vertex: base (1 - metallic) or kd
+  std::vector<uint16_t> shape;        ///< per vertex: index into shapes
+  std::vector<uint8_t> double_sided;  ///< per vertex
+  std::vector<BrdfShape> shapes;      ///< each distinct (model, shape) of the scene, fitted
 
   uint32_t vertex_count() const { return static_cast<uint32_t>(positions.size()); }
-  int max_lobes() const;                     ///< largest number of specular lobes of any shape
+  int max_lobes() const;  ///< largest number of specular lobes of any shape
   bool has_diffuse() const;
-  Brdf VertexBrdf(uint32_t v) const { return {shapes[shape[v]].model, shapes[shape[v]].shape, specular[v], diffuse[v]}; }
+  Brdf VertexBrdf(uint32_t v) const {
+    return {shapes[shape[v]].model, shapes[shape[v]].shape, specular[v], diffuse[v]};
+  }
 };
 
 /// Textured roughness is rounded to multiples of this, so that a scene needs few shapes.

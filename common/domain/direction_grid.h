@@ -2,15 +2,14 @@
 
 #include <array>
 #include <cstdint>
-#include <vector>
-
 #include <glm/vec3.hpp>
+#include <vector>
 
 namespace glint {
 
-/// Geodesic view directions: the icosahedron subdivided `level` times, 10 * 4^level + 2 unit directions in the world
-/// frame. Indices follow a Morton curve over the octahedral map, so that close directions have close indices (the
-/// entries of a sparse row then lie together).
+/// Geodesic view directions: the icosahedron subdivided `level` times, 10 * 4^level + 2 unit directions in
+/// the world frame. Indices follow a Morton curve over the octahedral map, so that close directions have
+/// close indices (the entries of a sparse row then lie together).
 class DirectionGrid {
  public:
   static constexpr int kMaxLevel = 5;
@@ -33,12 +32,18 @@ class DirectionGrid {
   static int LevelOf(uint32_t directions);
 
  private:
+  void BuildLocator();
+  /// Walks from `triangle` to the one around d; its corner weights (unnormalised) go to `weights` unless
+  /// null.
+  uint32_t Walk(const glm::vec3& d, uint32_t triangle, float* weights) const;
+
   int level_;
   std::vector<glm::vec3> directions_;
   std::vector<std::array<uint32_t, 3>> triangles_;
-  std::vector<std::array<glm::vec3, 3>> edge_normals_;   ///< per triangle, scaled so that weights come out by dot
-  std::vector<std::array<uint32_t, 3>> neighbours_;      ///< across the edge opposite to corner i
-  std::vector<uint32_t> start_;                          ///< octahedral cell -> triangle to start the walk from
+  std::vector<std::array<glm::vec3, 3>>
+      edge_normals_;                                 ///< per triangle, scaled so that weights come out by dot
+  std::vector<std::array<uint32_t, 3>> neighbours_;  ///< across the edge opposite to corner i
+  std::vector<uint32_t> start_;                      ///< octahedral cell -> triangle to start the walk from
   int cells_ = 0;
 };
 
