@@ -20,14 +20,16 @@ struct SceneLimits {
 };
 
 /// Loads glTF 2.0 (.gltf with files beside it, or .glb).
-/// Errors: kBadInput or kLimit naming the file, the object ("meshes[2].primitives[0].attributes.NORMAL") and the remedy.
+/// Errors: kBadInput or kLimit naming the file, the object ("meshes[2].primitives[0].attributes.NORMAL") and
+/// the remedy.
 Result<Scene> LoadScene(const std::filesystem::path& path, const SceneLimits& limits = {});
 
 /// The same from memory (GLB or glTF with embedded data only); `name` is used in messages.
 Result<Scene> LoadSceneFromMemory(std::span<const std::byte> bytes, const std::string& name,
                                   const SceneLimits& limits = {});
 
-/// Writes a scene (untextured materials, one mesh a material, cameras) as GLB, by which own scenes become files.
+/// Writes a scene (untextured materials, one mesh a material, cameras) as GLB, by which own scenes become
+/// files.
 Status SaveScene(const Scene& scene, const std::filesystem::path& path);
 
 }  // namespace glint

@@ -1,11 +1,11 @@
 #pragma once
 
 #include <cstdint>
+#include <glm/vec3.hpp>
 #include <memory>
 #include <string>
 
-#include <glm/vec3.hpp>
-
+#include "common/base/status.h"
 #include "common/scene/scene.h"
 
 namespace glint {
@@ -25,22 +25,33 @@ struct Ray {
   float t_far = 3.0e38f;
 };
 
-/// The scene's triangles in an Embree BVH (robust mode). Immutable and safe to share between threads.
+/// The scene's triangles in an Embree BVH (robust mode). Immutable and safe to share between threads. Rays
+/// hit both sides of a triangle; a direction need not be a unit vector.
 class RayScene {
  public:
+  /// Builds the tree. The order of primitives in it, and so which of two triangles a ray through their shared
+  /// edge reports, can depend on the number of building threads; `build_threads` 0 therefore means one, the
+  /// same tree everywhere. More threads are for those to whom that does not matter.
   explicit RayScene(const Scene& scene, int build_threads = 0);
   ~RayScene();
   RayScene(RayScene&&) noexcept;
   RayScene& operator=(RayScene&&) = delete;
 
+  /// Not ok if the tree could not be built (memory); every ray then misses.
+  const Status& status() const { return status_; }
+
+  /// Closest hit in [t_near, t_far].
   Hit Intersect(const Ray& ray) const;
   /// True if anything lies in [t_near, t_far].
   bool Occluded(const Ray& ray) const;
-  /// Closest hits of `count` rays that start at one place and are sorted so that neighbours point to like directions;
-  /// traced eight at a time as coherent packets, so the result depends on these rays alone.
+  /// Closest hits of `count` rays that start at one place and are sorted so that neighbours point to like
+  /// directions; traced eight at a time as coherent packets, so the result depends on these rays alone.
   void IntersectCoherent(const Ray* rays, Hit* hits, int count) const;
 
-  /// A distance that is surely above the rounding of positions here: offset rays' origins by it along the normal.
+  /// A distance that is surely above the rounding of positions here: offset rays' origins by it along the
+  /// normal. 2^-19 of the largest coordinate plus 1e-5 of the diagonal of the scene's bounds, in the scene's
+  /// unit; holds for scenes of any size, and away from the origin as far as single precision still resolves
+  /// their shape.
   float epsilon() const { return epsilon_; }
   /// Library and instruction set in use, for task keys ("embree 3.13.5 avx2").
   static std::string EngineId();
@@ -48,6 +59,7 @@ class RayScene {
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
+  Status status_;
   float epsilon_ = 0;
 };
 
