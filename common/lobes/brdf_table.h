@@ -2,26 +2,26 @@
 
 #include <array>
 #include <cstdint>
+#include <glm/vec3.hpp>
 #include <span>
 #include <string>
 #include <vector>
-
-#include <glm/vec3.hpp>
 
 #include "common/lobes/brdf.h"
 
 namespace glint {
 
-inline constexpr int kMaxBrdfLobes = 4;      ///< specular lobes per slice
-inline constexpr int kElevationNodes = 64;   ///< slices are fitted at cos(theta_o) = ((i + 1) / 64)^2... see ElevationNode
+inline constexpr int kMaxBrdfLobes = 4;  ///< specular lobes per slice
+inline constexpr int kElevationNodes =
+    64;  ///< slices are fitted at cos(theta_o) = ((i + 1) / 64)^2... see ElevationNode
 inline constexpr float kMinCosine = 1.0f / 4096;  ///< views closer to the horizon use this one's slice
 
-/// One lobe of a BRDF slice in the plane of incidence: local frame with wo = (sin, 0, cos), so the mirror direction
-/// has negative x.
+/// One lobe of a BRDF slice in the plane of incidence: local frame with wo = (sin, 0, cos), so the mirror
+/// direction has negative x.
 struct BrdfLobe {
   float mu_x = 0, mu_z = 1;  ///< unit in the xz plane; mu_z may be slightly negative at grazing views
   float kappa = 0;
-  float scale = 0, bias = 0; ///< weight (albedo of this lobe) = specular * scale + bias, per channel
+  float scale = 0, bias = 0;  ///< weight (albedo of this lobe) = specular * scale + bias, per channel
 
   glm::vec3 Weight(const glm::vec3& specular) const { return specular * scale + glm::vec3(bias); }
 };
@@ -34,14 +34,15 @@ struct BrdfSlice {
 
 /// How well the lobes of one shape reproduce its slices, over all elevation nodes.
 struct BrdfFitError {
-  float mean_l2 = 0;        ///< mean over elevations of ||fit - slice|| / ||slice|| (F = 1)
+  float mean_l2 = 0;  ///< mean over elevations of ||fit - slice|| / ||slice|| (F = 1)
   float max_l2 = 0;
-  float max_albedo = 0;     ///< largest relative error of the slice's integral
-  float max_below_horizon = 0; ///< largest part of the fitted lobes' weight under the surface
+  float max_albedo = 0;         ///< largest relative error of the slice's integral
+  float max_below_horizon = 0;  ///< largest part of the fitted lobes' weight under the surface
 };
 
-/// Specular slices of one (model, shape), fitted by vMF mixtures over elevation; scale and bias carry the Fresnel term
-/// (for Phong models scale is the albedo and bias 0). Interpolates linearly between elevation nodes.
+/// Specular slices of one (model, shape), fitted by vMF mixtures over elevation; scale and bias carry the
+/// Fresnel term (for Phong models scale is the albedo and bias 0). Interpolates linearly between elevation
+/// nodes.
 struct BrdfShape {
   BrdfModel model = BrdfModel::kGgx;
   float shape = 1;
@@ -55,22 +56,24 @@ struct BrdfFitOptions {
   float tolerance = 0.05f;  ///< mean relative L2 at which no further lobe is added
 };
 
-/// Fits one shape: expectation-maximisation on a quadrature of f cos over the hemisphere with F = 1, started from the
-/// neighbouring elevation, so lobes stay matched; the number of lobes is the least that meets the tolerance. Albedo is
-/// kept exactly (up to quadrature). Deterministic.
+/// Fits one shape: expectation-maximisation on a quadrature of f cos over the hemisphere with F = 1, started
+/// from the neighbouring elevation, so lobes stay matched; the number of lobes is the least that meets the
+/// tolerance. Albedo is kept exactly (up to quadrature). Deterministic.
 BrdfShape FitBrdfShape(BrdfModel model, float shape, const BrdfFitOptions& options = {});
 
 /// Interpolated slice at cos_o in [0, 1].
 BrdfSlice LookupSlice(const BrdfShape& shape, float cos_o);
 
-/// Diffuse: the slice is albedo times the cosine lobe. For GGX the Fresnel factor (1 - F) is averaged over wi:
-/// albedo = diffuse (1 - F0) t(cos_o); t(cos_o) = integral (1 - (1 - v.h)^5) cos_i / pi dwi. For Phong: diffuse.
+/// Diffuse: the slice is albedo times the cosine lobe. For GGX the Fresnel factor (1 - F) is averaged over
+/// wi: albedo = diffuse (1 - F0) t(cos_o); t(cos_o) = integral (1 - (1 - v.h)^5) cos_i / pi dwi. For Phong:
+/// diffuse.
 glm::vec3 DiffuseAlbedo(const Brdf& brdf, float cos_o);
 
-/// A BRDF as the bake models it, for `--brdf lobes`: mixture of the slice's lobes and the cosine lobe, value in 1/sr.
-/// The part of a lobe below the surface counts as zero there.
+/// A BRDF as the bake models it, for `--brdf lobes`: mixture of the slice's lobes and the cosine lobe, value
+/// in 1/sr. The part of a lobe below the surface counts as zero there.
 glm::vec3 EvaluateLobes(const Brdf& brdf, const BrdfShape& shape, const glm::vec3& wo, const glm::vec3& wi);
-BrdfSample SampleLobes(const Brdf& brdf, const BrdfShape& shape, const glm::vec3& wo, float u_lobe, float u, float v);
+BrdfSample SampleLobes(const Brdf& brdf, const BrdfShape& shape, const glm::vec3& wo, float u_lobe, float u,
+                       float v);
 float PdfLobes(const Brdf& brdf, const BrdfShape& shape, const glm::vec3& wo, const glm::vec3& wi);
 
 }  // namespace glint
