@@ -131,6 +131,18 @@ Status FilePublisher::Commit() {
   return {};
 }
 
+Status CreateFolders(const fs::path& folder) {
+  std::error_code error;
+  if (folder.empty() || fs::is_directory(folder, error)) return {};
+  const fs::path above = FolderOf(folder.has_filename() ? folder : folder.parent_path());
+  GLINT_RETURN_IF_ERROR(CreateFolders(above));
+  if (mkdir(folder.c_str(), 0777) != 0 && errno != EEXIST) {
+    return IoError(folder.string() + ": cannot make the folder: " + ErrnoText(errno));
+  }
+  if (!fs::is_directory(folder, error)) return IoError(folder.string() + ": exists and is not a folder");
+  return SyncFolder(above);
+}
+
 Result<std::vector<std::byte>> ReadFile(const fs::path& path, uint64_t max_bytes) {
   Descriptor file;
   GLINT_ASSIGN_OR_RETURN(const uint64_t size, OpenRegular(path, file));

@@ -15,7 +15,7 @@ namespace glint {
 /// reader sees the old file, or the new one, never a part of it. Errors: kIo, naming the path.
 Status PublishFile(const std::filesystem::path& path, std::span<const std::byte> bytes);
 
-/// The same for a file that is written in pieces: write to temp_path(), then Commit(). Without Commit the
+/// The same for a file that is written in pieces: Write() them in order, then Commit(). Without Commit the
 /// temporary is removed.
 class FilePublisher {
  public:
@@ -25,7 +25,9 @@ class FilePublisher {
   ~FilePublisher();
 
   Status Write(std::span<const std::byte> bytes);
+  /// Bytes written so far.
   uint64_t offset() const { return offset_; }
+  /// Puts the file in place. Once; nothing may be written after it.
   Status Commit();
 
  private:
@@ -34,6 +36,10 @@ class FilePublisher {
   int fd_ = -1;
   uint64_t offset_ = 0;
 };
+
+/// Makes the folder and those above it that are missing, and makes each new name durable. kIo, naming the
+/// path.
+Status CreateFolders(const std::filesystem::path& folder);
 
 /// Whole file, refusing more than `max_bytes` (kLimit) and absent or unreadable files (kBadInput).
 Result<std::vector<std::byte>> ReadFile(const std::filesystem::path& path, uint64_t max_bytes);

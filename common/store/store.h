@@ -11,11 +11,13 @@
 
 namespace glint {
 
-/// Content-addressed chunks on a file system, and the record of which task's result each one is. Layout under root:
-///   chunks/ab/<digest>   the blob: header (magic, version, payload bytes, XXH3 of the payload), payload
+/// Content-addressed chunks on a file system, and the record of which task's result each one is. Layout under
+/// root:
+///   chunks/ab/<digest>   the blob: header (magic, version, payload bytes, XXH3 of the payload), payload; the
+///                        digest is the SHA-256 of the payload
 ///   tasks/ab/<key>       the digest of the task's result, hexadecimal
-/// Everything is published by write, fsync, rename, fsync of the folder. Any number of threads and processes may share
-/// a root: two that finish one task write the same bytes.
+/// Everything is published by write, fsync, rename, fsync of the folder. Any number of threads and processes
+/// may share a root: two that finish one task write the same bytes.
 class ChunkStore {
  public:
   static Result<ChunkStore> Open(const std::filesystem::path& root);
@@ -24,9 +26,10 @@ class ChunkStore {
   std::optional<Digest> FindResult(const Digest& task_key) const;
   /// Publishes the payload, then the task's record. Safe to repeat.
   Result<Digest> PutResult(const Digest& task_key, std::span<const std::byte> payload);
-  /// Payload of a chunk; header, length, checksum and digest are checked. kBadInput with the file's name if damaged.
+  /// Payload of a chunk; header, length, checksum and digest are checked. kBadInput with the file's name if
+  /// damaged.
   Result<std::vector<std::byte>> Get(const Digest& digest) const;
-  /// Forgets a task's record and removes its damaged chunk, so that the task is computed again.
+  /// Forgets a task's record and removes its chunk if it is damaged, so that the task is computed again.
   Status Discard(const Digest& task_key, const Digest& digest);
 
   const std::filesystem::path& root() const { return root_; }

@@ -1,0 +1,141 @@
+#include "common/store/store.h"
+
+#include <array>
+#include <bit>
+#include <cstring>
+#include <string>
+#include <system_error>
+
+#include "common/base/files.h"
+
+namespace glint {
+namespace {
+
+namespace fs = std::filesystem;
+
+static_assert(std::endian::native == std::endian::little,
+              "chunks are little-endian and written as they lie in memory");
+
+/// At the start of every chunk; 32 bytes, little-endian, followed by the payload and nothing else.
+struct ChunkHeader {
+  std::array<char, 8> magic{'G', 'L', 'C', 'H', 'U', 'N', 'K', '\n'};  // offset 0
+  uint32_t version = 1;                                                // offset 8
+  uint32_t reserved = 0;                                               // offset 12
+  uint64_t payload_bytes = 0;                                          // offset 16
+  uint64_t checksum = 0;                                               // offset 24: XXH3 of the payload
+};
+static_assert(sizeof(ChunkHeader) == 32);
+
+constexpr uint64_t kMaxChunkBytes = uint64_t{16} << 30;
+constexpr uint64_t kRecordBytes = 65;  // 64 hexadecimal digits and a line feed
+
+fs::path ShardedPath(const fs::path& root, const char* kind, const Digest& digest) {
+  const std::string hex = digest.Hex();
+  return root / kind / hex.substr(0, 2) / hex;
+}
+fs::path ChunkPath(const fs::path& root, const Digest& digest) { return ShardedPath(root, "chunks", digest); }
+fs::path RecordPath(const fs::path& root, const Digest& key) { return ShardedPath(root, "tasks", key); }
+
+int HexValue(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  return -1;
+}
+
+/// A record's digest; none if it is not exactly what PutResult writes.
+std::optional<Digest> ParseRecord(std::span<const std::byte> record) {
+  if (record.size() != kRecordBytes || record[64] != std::byte{'\n'}) return std::nullopt;
+  Digest digest;
+  for (size_t i = 0; i < digest.bytes.size(); ++i) {
+    const int high = HexValue(static_cast<char>(record[2 * i]));
+    const int low = HexValue(static_cast<char>(record[2 * i + 1]));
+    if (high < 0 || low < 0) return std::nullopt;
+    digest.bytes[i] = static_cast<uint8_t>(16 * high + low);
+  }
+  return digest;
+}
+
+Status PublishChunk(const fs::path& path, std::span<const std::byte> payload) {
+  ChunkHeader header;
+  header.payload_bytes = payload.size();
+  header.checksum = Checksum64(payload);
+  GLINT_RETURN_IF_ERROR(CreateFolders(path.parent_path()));
+  GLINT_ASSIGN_OR_RETURN(FilePublisher publisher, FilePublisher::Create(path));
+  GLINT_RETURN_IF_ERROR(publisher.Write(std::as_bytes(std::span(&header, 1))));
+  GLINT_RETURN_IF_ERROR(publisher.Write(payload));
+  return publisher.Commit();
+}
+
+/// What is wrong with a chunk's bytes; empty: nothing.
+std::string FindDamage(std::span<const std::byte> bytes, const Digest& digest) {
+  if (bytes.size() < sizeof(ChunkHeader)) return "shorter than a chunk's header";
+  ChunkHeader header;
+  std::memcpy(&header, bytes.data(), sizeof header);
+  const std::span<const std::byte> payload = bytes.subspan(sizeof header);
+  const ChunkHeader expected;
+  if (header.magic != expected.magic) return "not a chunk (wrong magic)";
+  if (header.version != expected.version)
+    return "chunk version " + std::to_string(header.version) + " is not known";
+  if (header.reserved != 0) return "damaged header";
+  if (header.payload_bytes != payload.size()) {
+    return std::to_string(payload.size()) + " bytes of payload where its header says " +
+           std::to_string(header.payload_bytes);
+  }
+  if (header.checksum != Checksum64(payload)) return "wrong checksum";
+  if (Sha256(payload) != digest) return "the content is not the one that the name promises";
+  return "";
+}
+
+Status RemoveFile(const fs::path& path) {
+  std::error_code error;
+  fs::remove(path, error);
+  return error ? IoError(path.string() + ": cannot remove: " + error.message()) : Status();
+}
+
+}  // namespace
+
+Result<ChunkStore> ChunkStore::Open(const fs::path& root) {
+  GLINT_RETURN_IF_ERROR(CreateFolders(root / "chunks"));
+  GLINT_RETURN_IF_ERROR(CreateFolders(root / "tasks"));
+  return ChunkStore(root);
+}
+
+std::optional<Digest> ChunkStore::FindResult(const Digest& task_key) const {
+  const auto record = ReadFile(RecordPath(root_, task_key), kRecordBytes);
+  if (!record.ok()) return std::nullopt;
+  const std::optional<Digest> digest = ParseRecord(*record);
+  std::error_code error;
+  if (!digest || !fs::is_regular_file(ChunkPath(root_, *digest), error)) return std::nullopt;
+  return digest;
+}
+
+Result<Digest> ChunkStore::PutResult(const Digest& task_key, std::span<const std::byte> payload) {
+  const Digest digest = Sha256(payload);
+  // The chunk first: a record never points to what is not durable yet.
+  GLINT_RETURN_IF_ERROR(PublishChunk(ChunkPath(root_, digest), payload));
+  const std::string record = digest.Hex() + '\n';
+  const fs::path record_path = RecordPath(root_, task_key);
+  GLINT_RETURN_IF_ERROR(CreateFolders(record_path.parent_path()));
+  GLINT_RETURN_IF_ERROR(PublishFile(record_path, std::as_bytes(std::span(record))));
+  return digest;
+}
+
+Result<std::vector<std::byte>> ChunkStore::Get(const Digest& digest) const {
+  const fs::path path = ChunkPath(root_, digest);
+  GLINT_ASSIGN_OR_RETURN(std::vector<std::byte> bytes, ReadFile(path, kMaxChunkBytes));
+  if (const std::string damage = FindDamage(bytes, digest); !damage.empty()) {
+    return BadInput(path.string() + ": damaged chunk, " + damage +
+                    "; remove the file, and its task is computed again");
+  }
+  bytes.erase(bytes.begin(), bytes.begin() + sizeof(ChunkHeader));
+  return bytes;
+}
+
+Status ChunkStore::Discard(const Digest& task_key, const Digest& digest) {
+  GLINT_RETURN_IF_ERROR(RemoveFile(RecordPath(root_, task_key)));
+  // Another process may have put a sound chunk in its place since the damage was seen: that one stays.
+  if (Get(digest).ok()) return {};
+  return RemoveFile(ChunkPath(root_, digest));
+}
+
+}  // namespace glint
