@@ -1,26 +1,28 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
-#include <string>
-#include <vector>
-
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
+#include <string>
+#include <vector>
 
 #include "common/base/status.h"
 #include "common/render/image.h"
 
 namespace glint {
 
-/// Distant radiance, equirectangular. For a unit direction d (y up): u = 0.5 + atan2(d.z, d.x) / (2 pi), left to right;
-/// v = 0.5 - asin(d.y) / pi, top to bottom; texel centres at (i + 0.5) / W; bilinear, wrapping in u, clamped in v.
-/// Turned by r degrees about +Y: look up R_Y(-r) d.
+/// Distant radiance, equirectangular. For a unit direction d (y up): u = 0.5 + atan2(d.z, d.x) / (2 pi), left
+/// to right; v = 0.5 - asin(d.y) / pi, top to bottom; texel centres at (i + 0.5) / W; bilinear, wrapping in
+/// u, clamped in v. Turned by r degrees about +Y: look up R_Y(-r) d.
 class Environment {
  public:
-  /// Takes the picture's RGB; refuses non-finite or negative values are clamped to 0 with a count in `clamped`.
+  /// Takes the picture's RGB. kBadInput for a non-finite value (naming its pixel); negative values become 0
+  /// and are counted in clamped(). `name` stands in messages.
   static Result<Environment> FromPicture(const Picture& picture, const std::string& name);
   static Result<Environment> Load(const std::filesystem::path& path);
-  /// Own procedural skies: "studio" (soft boxes), "sunset" (small sun, horizon gradient), "uniform" (radiance 1).
+  /// Own procedural skies: "studio" (soft boxes), "sunset" (small sun, horizon gradient), "uniform" (radiance
+  /// 1). `width` x `width` / 2 texels, width in [16, 16384]. kUsage for another name or width.
   static Result<Environment> Procedural(const std::string& name, int width = 512);
   /// `procedural:NAME` or a path.
   static Result<Environment> Open(const std::string& path_or_name);
@@ -28,13 +30,17 @@ class Environment {
   int width() const { return width_; }
   int height() const { return height_; }
   const std::vector<glm::vec3>& texels() const { return texels_; }
+  /// Channel values that were negative in the picture.
+  uint64_t clamped() const { return clamped_; }
   /// Bilinear radiance; d unit.
   glm::vec3 Radiance(const glm::vec3& d) const;
   /// Direction of texel co-ordinates (u, v) in [0, 1]^2.
   static glm::vec3 Direction(float u, float v);
   static glm::vec2 Coordinates(const glm::vec3& d);
 
-  /// Importance sampling by texel luminance x solid angle (piecewise constant within a texel's footprint).
+  /// Importance sampling: constant density (per solid angle) within a texel, proportional to the mean of the
+  /// bilinear luminance over it, so that the density is positive wherever the radiance is. A black map is
+  /// sampled uniformly. (u, v) in [0, 1)^2: u chooses along the row, v the row.
   struct Sample {
     glm::vec3 direction;
     float pdf;  ///< 1/sr
@@ -43,10 +49,15 @@ class Environment {
   float Pdf(const glm::vec3& d) const;
 
  private:
+  void BuildSampling();
+
   int width_ = 0, height_ = 0;
   std::vector<glm::vec3> texels_;
-  std::vector<float> row_cdf_, column_cdf_;
-  double total_ = 0;
+  uint64_t clamped_ = 0;
+  // In double: next to a sun, the share of a dim texel is lost in the digits of a float sum.
+  std::vector<double> row_cdf_;     ///< height + 1
+  std::vector<double> column_cdf_;  ///< height x (width + 1)
+  std::vector<double> sine_edges_;  ///< height + 1: y of the rows' edges, from +1 down to -1
 };
 
 /// d turned by -degrees about +Y: the direction to look up for an environment turned by `degrees`.

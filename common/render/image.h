@@ -2,18 +2,18 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <glm/vec3.hpp>
+#include <glm/vec4.hpp>
 #include <span>
 #include <string>
 #include <vector>
-
-#include <glm/vec3.hpp>
-#include <glm/vec4.hpp>
 
 #include "common/base/status.h"
 
 namespace glint {
 
-/// A linear RGBA picture, alpha = coverage (not premultiplied: background pixels are black anyway), top row first.
+/// A linear RGBA picture, alpha = coverage (not premultiplied: background pixels are black anyway), top row
+/// first.
 struct Picture {
   int width = 0, height = 0;
   std::vector<glm::vec4> pixels;  ///< height x width
@@ -36,11 +36,22 @@ struct ToneMap {
   bool reinhard = true;  ///< global Reinhard x / (1 + x) on luminance; else clamp
 };
 
-/// Reads OpenEXR (RGB or RGBA, any pixel type) or Radiance HDR (alpha 1). kBadInput/kLimit naming file and remedy.
+/// Linear display value in [0, 1] of a radiance, before the sRGB curve. NaN and negative values become 0.
+glm::vec3 ToneMapped(const glm::vec3& radiance, const ToneMap& tone);
+/// The sRGB transfer curve (IEC 61966-2-1) and its inverse, on [0, 1].
+float LinearToSrgb(float linear);
+float SrgbToLinear(float encoded);
+
+/// Reads OpenEXR (R, G, B and perhaps A, or Y and perhaps A; any pixel type; scan lines or tiles; the first
+/// part) or Radiance HDR (alpha 1; all eight orientations). An EXR picture covers the display window: 0
+/// outside the data window, alpha 1 inside if the file has none. kBadInput, kLimit or kIo naming the file and
+/// the remedy.
 Result<Picture> ReadPicture(const std::filesystem::path& path, const PictureLimits& limits = {});
 Result<Picture> ReadPictureFromMemory(std::span<const std::byte> bytes, const std::string& name,
                                       const PictureLimits& limits = {});
-/// By extension: .exr (half RGBA unless `full_float`), .hdr (RGBE), .png (tone-mapped, alpha kept).
+/// By extension: .exr (half RGBA unless `full_float`; larger values become 65504), .hdr (RGBE, alpha
+/// dropped), .png (tone-mapped 8-bit sRGB, alpha kept). The bytes depend on the picture alone. Published
+/// atomically. kUsage for another extension, kBadInput for an empty picture, kIo.
 Status WritePicture(const Picture& picture, const std::filesystem::path& path, const ToneMap& tone = {},
                     bool full_float = false);
 /// 8-bit grey or RGB(A) PNG as linear 0..1 without tone curve (masks).
