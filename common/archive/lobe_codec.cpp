@@ -1,0 +1,164 @@
+// Lobes in six 16-bit codes. Concentrations are coded by their logarithm, because half floats of kappa or of
+// the mean cosine lose sharp lobes. Bytes: docs/archive-format.md.
+#include "common/archive/lobe_codec.h"
+
+namespace glint {
+namespace lobe_codec_internal {
+namespace {
+
+/// 2^x by a Taylor series, evaluated by the compiler: the tables are the same whatever mathematics library is
+/// linked.
+constexpr double Exp2(double x) {
+  int whole = static_cast<int>(x);
+  const double y = (x - whole) * 0.693147180559945309417;
+  double sum = 1;
+  for (int n = 24; n > 0; --n) sum = 1 + sum * y / n;
+  for (; whole > 0; --whole) sum *= 2;
+  for (; whole < 0; ++whole) sum /= 2;
+  return sum;
+}
+
+constexpr LogTable MakeLogTable(double first, double step) {
+  LogTable table{};
+  for (int i = 0; i < 256; ++i) {
+    table.high[i] = static_cast<float>(Exp2(first + 256 * i * step));
+    table.low[i] = static_cast<float>(Exp2(i * step));
+  }
+  return table;
+}
+
+constexpr double kRatioStep = 20.0 / 32767;
+constexpr double kRatioFirst = -32768 * kRatioStep;
+constexpr double kLog2MinKappa = -9.96578428466208704577;  // log2(1e-3)
+constexpr double kLog2MaxKappa = 19.9315685693241740915;   // log2(1e6)
+constexpr double kKappaStep = (kLog2MaxKappa - kLog2MinKappa) / 65534;
+constexpr double kKappaFirst = kLog2MinKappa - kKappaStep;
+static_assert(kMaxKappa == 1e6f && kMinStoredKappa == 1e-3f);
+
+}  // namespace
+
+constinit const LogTable kRatioTable = MakeLogTable(kRatioFirst, kRatioStep);
+constinit const LogTable kKappaTable = MakeLogTable(kKappaFirst, kKappaStep);
+
+namespace {
+
+/// x within [low, high]; `otherwise` for what is not a number.
+float ClampFinite(float x, float low, float high, float otherwise) {
+  return std::isnan(x) ? otherwise : std::clamp(x, low, high);
+}
+
+uint16_t EncodeUnorm(float x) {
+  return static_cast<uint16_t>(std::lround(double{ClampFinite(x, 0, 1, 0)} * 65535));
+}
+
+/// x in [-1, 1].
+uint16_t EncodeSnorm(float x) {
+  return static_cast<uint16_t>(
+      static_cast<int16_t>(std::lround(double{ClampFinite(x, -1, 1, 0)} * kSnormMax)));
+}
+
+uint16_t EncodeRatio(float ratio) {
+  const double x = ClampFinite(ratio, 1 / kMaxRatio, kMaxRatio, 1);
+  return static_cast<uint16_t>(std::lround((std::log2(x) - kRatioFirst) / kRatioStep));
+}
+
+uint16_t EncodeKappa(float kappa) {
+  const double x = ClampFinite(kappa, 0, kMaxKappa, 0);
+  if (x < kMinStoredKappa) return 0;
+  return static_cast<uint16_t>(
+      std::clamp(std::lround((std::log2(x) - kKappaFirst) / kKappaStep), 1L, 65535L));
+}
+
+/// Nearest half, ties to even.
+uint16_t EncodeHalf(float value) {
+  const float x = ClampFinite(value, 0, 65504, 0);
+  // Below the normal range halves are multiples of 2^-24. Scaling is exact, and so is the rounding of lrint.
+  if (x < 0x1p-14f) return static_cast<uint16_t>(std::lrint(x * 0x1p24f));
+  const uint32_t bits = std::bit_cast<uint32_t>(x) - (112u << 23);
+  return static_cast<uint16_t>((bits + 0x0FFFu + ((bits >> 13) & 1)) >> 13);
+}
+
+struct Octahedral {
+  int u = 0, v = 0;  ///< in [-kSnormMax, kSnormMax]
+};
+
+/// The border of the map is folded onto itself; of codes for one direction this picks one.
+Octahedral Canonical(Octahedral code) {
+  if (std::abs(code.u) == kSnormMax) code.v = std::abs(code.v);
+  if (std::abs(code.v) == kSnormMax) code.u = std::abs(code.u);
+  if (std::abs(code.u) == kSnormMax) code.v = std::abs(code.v);
+  return code;
+}
+
+/// The best of the four codes around the direction's place in the map (Cigolle et al. 2014): plain rounding
+/// would be off by up to 6.5e-5 rad.
+Octahedral EncodeOctahedral(const glm::vec3& direction) {
+  const double norm =
+      std::abs(double{direction.x}) + std::abs(double{direction.y}) + std::abs(double{direction.z});
+  if (!(norm > 0) || !std::isfinite(norm)) return {};
+  double u = direction.x / norm, v = direction.y / norm;
+  if (direction.z < 0) {
+    const double folded_u = std::copysign(1 - std::abs(v), u);
+    v = std::copysign(1 - std::abs(u), v);
+    u = folded_u;
+  }
+  const auto floor_code = [](double x) {
+    return std::clamp(static_cast<int>(std::floor(x * kSnormMax)), -kSnormMax, kSnormMax - 1);
+  };
+  const Octahedral corner{floor_code(u), floor_code(v)};
+  Octahedral best;
+  double best_distance = 8;
+  const double length = std::sqrt(double{direction.x} * direction.x + double{direction.y} * direction.y +
+                                  double{direction.z} * direction.z);
+  for (int i = 0; i < 4; ++i) {
+    const Octahedral code{corner.u + (i & 1), corner.v + (i >> 1)};
+    const double cu = double(code.u) / kSnormMax, cv = double(code.v) / kSnormMax;
+    const double z = 1 - std::abs(cu) - std::abs(cv), fold = std::max(-z, 0.0);
+    const double x = cu - std::copysign(fold, cu), y = cv - std::copysign(fold, cv);
+    const double scale = length / std::sqrt(x * x + y * y + z * z);
+    const double dx = x * scale - direction.x, dy = y * scale - direction.y, dz = z * scale - direction.z;
+    const double distance = (dx * dx + dy * dy + dz * dz) / (length * length);
+    if (distance < best_distance) {
+      best_distance = distance;
+      best = code;
+    }
+  }
+  return Canonical(best);
+}
+
+}  // namespace
+}  // namespace lobe_codec_internal
+
+using namespace lobe_codec_internal;
+
+void EncodeDirect(const DirectLobe& lobe, std::byte* out) {
+  const uint16_t code[6] = {EncodeUnorm(lobe.fraction),    EncodeRatio(lobe.kappa_ratio),
+                            EncodeSnorm(lobe.shift.x / 2), EncodeSnorm(lobe.shift.y / 2),
+                            EncodeSnorm(lobe.shift.z / 2), 0};
+  std::memcpy(out, code, sizeof code);
+}
+
+void EncodeIndirect(const IndirectLobe& lobe, std::byte* out) {
+  const Octahedral mu = EncodeOctahedral(lobe.mu);
+  const uint16_t code[6] = {EncodeHalf(lobe.alpha.x),
+                            EncodeHalf(lobe.alpha.y),
+                            EncodeHalf(lobe.alpha.z),
+                            static_cast<uint16_t>(static_cast<int16_t>(mu.u)),
+                            static_cast<uint16_t>(static_cast<int16_t>(mu.v)),
+                            EncodeKappa(lobe.kappa)};
+  std::memcpy(out, code, sizeof code);
+}
+
+bool IsCanonicalDirect(const std::byte* in) {
+  std::byte again[kDirectEntryBytes];
+  EncodeDirect(DecodeDirect(in), again);
+  return std::memcmp(in, again, sizeof again) == 0;
+}
+
+bool IsCanonicalIndirect(const std::byte* in) {
+  std::byte again[kIndirectEntryBytes];
+  EncodeIndirect(DecodeIndirect(in), again);
+  return std::memcmp(in, again, sizeof again) == 0;
+}
+
+}  // namespace glint
