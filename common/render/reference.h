@@ -8,25 +8,26 @@
 namespace glint {
 
 struct ReferenceOptions {
-  int bounces = 2;          ///< indirect bounces: 0 is camera-surface-environment only
-  int first_bounce = 0;     ///< leave out paths with fewer indirect bounces (per-layer truth)
-  int samples = 64;         ///< paths per pixel, even; two independent halves give the noise estimate
+  int bounces = 2;       ///< indirect bounces: 0 is camera-surface-environment only
+  int first_bounce = 0;  ///< leave out paths with fewer indirect bounces (per-layer truth)
+  int samples = 64;      ///< paths per pixel, even; two independent halves give the noise estimate
   uint64_t seed = 1;
-  bool lobes = false;       ///< trace with the bake's fitted lobes instead of the true BRDF
+  bool lobes = false;  ///< trace with the bake's fitted lobes instead of the true BRDF
   int threads = 0;
 };
 
 /// Picture and its own noise.
 struct ReferenceResult {
   Picture picture;
-  Picture half_difference;     ///< (a - b) / 2 of the two halves: its square estimates each pixel's variance
-  double noise_rel_mse = 0;    ///< relMSE of the average itself, eps = 0.1 mean, over covered pixels
+  Picture half_difference;   ///< (a - b) / 2 of the two halves: its square estimates each pixel's variance
+  double noise_rel_mse = 0;  ///< relMSE of the average itself, eps = 0.1 mean, over covered pixels
   double noise_block4_rel_mse = 0;  ///< the same after 4 x 4 box averaging
 };
 
-/// Path tracer: BRDF sampling and environment sampling joined by the balance heuristic; no Russian roulette up to
-/// `bounces`; deterministic for any number of threads. Single-sided surfaces are black from behind; all block light.
-/// Normals whose mirror direction would fall below the face are bent back (as shared conventions state).
+/// Path tracer: BRDF sampling and environment sampling joined by the balance heuristic; no Russian roulette
+/// up to `bounces`; deterministic for any number of threads. Single-sided surfaces are black from behind; all
+/// block light. Normals whose mirror direction would fall below the face are bent back (as shared conventions
+/// state).
 Result<ReferenceResult> RenderReference(const Scene& scene, const RayScene& rays, const BakeDomain* domain,
                                         const Environment& environment, const View& view,
                                         const ReferenceOptions& options);

@@ -7,7 +7,8 @@
 
 namespace glint {
 
-enum class Background { kNone, kEnvironment };
+/// What a camera ray that misses the scene shows; its alpha is 0 either way.
+enum class Background { kBlack, kEnvironment };
 
 /// What a picture shows, the same for every renderer: pixel (x, y) covers camera rays through
 /// ((x + dx) / W, (y + dy) / H), dx, dy in [0, 1), square pixels, vertical field of view.
@@ -15,7 +16,7 @@ struct View {
   Camera camera;
   int width = 512, height = 512;
   float environment_rotation_deg = 0;  ///< about +Y
-  Background background = Background::kNone;
+  Background background = Background::kBlack;
 };
 
 /// Generates primary rays of a view.
