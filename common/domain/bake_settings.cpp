@@ -1,0 +1,19 @@
+#include "common/domain/bake_settings.h"
+
+namespace glint {
+
+void HashSettings(const BakeSettings& s, Hasher* hasher) {
+  hasher->Add(s.method)
+      .Add(s.grid_level)
+      .Add(s.rays_per_kappa)
+      .Add(s.min_rays)
+      .Add(s.max_rays)
+      .Add(s.split_cells)
+      .Add(s.paper_rays)
+      .Add(s.drop)
+      .Add(s.seed)
+      .Add(s.fit.max_lobes)
+      .Add(s.fit.tolerance);
+}
+
+}  // namespace glint

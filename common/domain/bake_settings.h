@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/base/hash.h"
+#include "common/lobes/brdf_table.h"
+
+namespace glint {
+
+enum class GatherMethod : uint8_t {
+  kShared = 0,  ///< one shared set of hemisphere rays per bake vertex, reused by all directions and layers
+  kPaper = 1,   ///< laurijssen2011: rays drawn from each slice's lobe, in every layer again
+};
+
+/// What a slice's value depends on, besides the scene and the layer before. Part of every task's key.
+struct BakeSettings {
+  GatherMethod method = GatherMethod::kShared;
+  int grid_level = 3;            ///< geodesic level of the view directions; 3: 642 of them
+  float rays_per_kappa = 13.5f;  ///< kShared: base rays per unit of the vertex's sharpest kappa
+  int min_rays = 256;            ///< kShared: bounds on base rays per vertex
+  int max_rays = 8192;
+  bool split_cells = true;  ///< kShared: four more rays where neighbouring rays met different surfaces
+  int paper_rays = 144;     ///< kPaper: rays per lobe, slice and layer
+  float drop =
+      1.0f / 1024;  ///< relative change of a slice below which it counts as free (layer 0) or nothing
+  uint64_t seed = 1;
+  BrdfFitOptions fit;
+};
+
+/// Feeds every field of the settings.
+void HashSettings(const BakeSettings& settings, Hasher* hasher);
+
+/// A block of bake vertices and grid columns: what a task computes. Slices that do not depend on the view
+/// direction go with the block that holds column 0.
+struct GatherBlock {
+  uint32_t first_vertex = 0, vertices = 0;
+  uint32_t first_column = 0, columns = 0;
+};
+
+}  // namespace glint

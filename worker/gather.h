@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "common/archive/archive.h"
+#include "common/archive/chunk.h"
+#include "common/domain/bake_domain.h"
+#include "common/domain/bake_settings.h"
+#include "common/domain/direction_grid.h"
+#include "common/scene/ray_scene.h"
+
+namespace glint {
+
+/// One gathering pass over a block. Implementations are pure functions of (domain, rays, settings, previous
+/// layer, block): any partition into blocks gives the same slices. Thread-safe.
+class Gatherer {
+ public:
+  virtual ~Gatherer() = default;
+  /// @param layer     0: direct light; above: gathers `previous`, the tables of layer - 1
+  virtual BlockResult Gather(const GatherBlock& block, int layer, const LayerViews* previous) = 0;
+};
+
+/// What gatherers need of a scene; outlives them.
+struct GatherInput {
+  const BakeDomain& domain;
+  const RayScene& rays;
+  const DirectionGrid& grid;
+};
+
+/// @param memory_bytes  kShared: bound on hit sets kept between layers; sets that do not fit are traced again
+std::unique_ptr<Gatherer> MakeGatherer(const GatherInput& input, const BakeSettings& settings,
+                                       uint64_t memory_bytes);
+
+/// Name of the instruction-set level that the gather kernels run at here ("avx2"); part of every task's key.
+const char* GatherKernelLevel();
+
+}  // namespace glint

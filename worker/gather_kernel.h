@@ -1,0 +1,78 @@
+#pragma once
+
+// Weighted sums over a vertex's hemisphere samples: the innermost loops of the bake. Plain arrays and no
+// other includes: this is compiled once per instruction set, and nothing inline from elsewhere may leak out
+// of those builds.
+
+#include <cstdint>
+
+namespace glint {
+
+inline constexpr int kLanes = 8;
+
+/// Samples of one hemisphere, in tiles of neighbouring directions. Arrays are padded to whole groups of
+/// kLanes samples per tile; padding has solid angle 0. Directions are in the vertex's lattice frame.
+struct SampleArrays {
+  const float* x;
+  const float* y;
+  const float* z;
+  const float* solid_angle;  ///< sr; 0 for padding and invalid samples
+  const float* blocked;      ///< 1 where the sample met a surface, else 0
+  const float*
+      light[6];  ///< alpha r, g, b and first moment x, y, z that the surface sends back; 0 where unblocked
+  const uint32_t* tile_begin;   ///< tiles + 1 offsets, multiples of kLanes
+  const uint8_t* tile_blocked;  ///< 1 if any sample of the tile is blocked
+};
+
+/// Bounding cones of tiles, padded to a multiple of kLanes with cones that nothing meets (cos_radius = -4).
+struct TileCones {
+  const float* x;
+  const float* y;
+  const float* z;
+  const float* cos_radius;
+  const float* sin_radius;
+  int padded_count;
+};
+
+/// A cone around (x, y, z).
+struct QueryCone {
+  float x, y, z, cos_radius, sin_radius;
+};
+
+/// exp(kappa (mu . s - 1)) as a weight; kappa_log2e = kappa * log2(e).
+struct LobeWeight {
+  float x, y, z, kappa_log2e;
+};
+
+struct DirectSums {
+  float all = 0, all_x = 0, all_y = 0, all_z = 0;  ///< over all samples: weight, weight * direction
+  float blocked = 0, blocked_x = 0, blocked_y = 0, blocked_z = 0;  ///< over blocked samples
+};
+
+struct IndirectSums {
+  float all = 0;
+  float light[6] = {};
+};
+
+/// The loops for one instruction set. Every level adds in the same order; they differ in fused multiply-adds
+/// only.
+struct GatherKernels {
+  const char* level;
+  /// Writes the indices of tiles whose cone meets the query's; returns how many.
+  int (*select_tiles)(const TileCones& cones, const QueryCone& query, uint16_t* out);
+  void (*direct_lobe)(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w,
+                      DirectSums* out);
+  void (*indirect_lobe)(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w,
+                        IndirectSums* out);
+  /// The same with the cosine (z) as weight, over all `tiles` tiles.
+  void (*direct_cosine)(const SampleArrays& s, int tiles, DirectSums* out);
+  void (*indirect_cosine)(const SampleArrays& s, int tiles, IndirectSums* out);
+};
+
+extern const GatherKernels kGatherKernelsBase;
+extern const GatherKernels kGatherKernelsAvx2;
+
+/// The best level that this processor runs.
+const GatherKernels& SelectGatherKernels();
+
+}  // namespace glint

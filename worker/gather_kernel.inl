@@ -1,0 +1,155 @@
+// Body of the gather kernels; included by one source file per instruction set, which defines GLINT_KERNELS (the name of
+// the table) and GLINT_KERNEL_LEVEL.
+
+#include "worker/gather_kernel.h"
+
+namespace glint {
+namespace {
+
+typedef float Floats __attribute__((vector_size(4 * kLanes)));
+typedef int32_t Ints __attribute__((vector_size(4 * kLanes)));
+
+inline Floats Load(const float* p) {
+  Floats v;
+  __builtin_memcpy(&v, p, sizeof v);
+  return v;
+}
+
+inline Floats Splat(float x) { return Floats{x, x, x, x, x, x, x, x}; }
+
+inline float Sum(const Floats& v) { return ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7])); }
+
+/// 2^x for x <= 0, relative error 3e-7; what lies below 2^-126 gives about 2^-126. Round to the nearest integer with
+/// the 1.5 * 2^23 trick, whose low bits then are that integer and go to the exponent.
+inline Floats Exp2(Floats x) {
+  x = x < -126.0f ? Splat(-126.0f) : x;
+  const Floats shifted = x + 12582912.0f;
+  const Floats f = x - (shifted - 12582912.0f);
+  Floats p = Splat(1.8775767e-3f);
+  p = p * f + 8.9893397e-3f;
+  p = p * f + 5.5826318e-2f;
+  p = p * f + 2.4015361e-1f;
+  p = p * f + 6.9315308e-1f;
+  p = p * f + 9.9999994e-1f;
+  Ints bits, exponent;
+  __builtin_memcpy(&bits, &p, sizeof bits);
+  __builtin_memcpy(&exponent, &shifted, sizeof exponent);
+  bits += exponent << 23;
+  Floats result;
+  __builtin_memcpy(&result, &bits, sizeof result);
+  return result;
+}
+
+struct LobeWeigher {
+  Floats x, y, z, k;
+  explicit LobeWeigher(const LobeWeight& w) : x(Splat(w.x)), y(Splat(w.y)), z(Splat(w.z)), k(Splat(w.kappa_log2e)) {}
+  Floats operator()(const Floats& sx, const Floats& sy, const Floats& sz) const {
+    const Floats exponent = k * (x * sx + y * sy + z * sz - 1.0f);
+    return Exp2(exponent > 0.0f ? Splat(0) : exponent);
+  }
+};
+
+struct CosineWeigher {
+  Floats operator()(const Floats&, const Floats&, const Floats& sz) const { return sz; }
+};
+
+struct DirectAccumulator {
+  Floats sum[8] = {};
+  template <class Weigher>
+  void AddTile(const SampleArrays& s, uint32_t tile, const Weigher& weigher) {
+    const bool blocked = s.tile_blocked[tile];
+    for (uint32_t i = s.tile_begin[tile]; i < s.tile_begin[tile + 1]; i += kLanes) {
+      const Floats x = Load(s.x + i), y = Load(s.y + i), z = Load(s.z + i);
+      const Floats w = weigher(x, y, z) * Load(s.solid_angle + i);
+      sum[0] += w;
+      sum[1] += w * x;
+      sum[2] += w * y;
+      sum[3] += w * z;
+      if (!blocked) continue;
+      const Floats b = w * Load(s.blocked + i);
+      sum[4] += b;
+      sum[5] += b * x;
+      sum[6] += b * y;
+      sum[7] += b * z;
+    }
+  }
+  void Finish(DirectSums* out) const {
+    *out = {Sum(sum[0]), Sum(sum[1]), Sum(sum[2]), Sum(sum[3]), Sum(sum[4]), Sum(sum[5]), Sum(sum[6]), Sum(sum[7])};
+  }
+};
+
+struct IndirectAccumulator {
+  Floats all = {};
+  Floats light[6] = {};
+  template <class Weigher>
+  void AddTile(const SampleArrays& s, uint32_t tile, const Weigher& weigher) {
+    const bool blocked = s.tile_blocked[tile];
+    for (uint32_t i = s.tile_begin[tile]; i < s.tile_begin[tile + 1]; i += kLanes) {
+      const Floats w = weigher(Load(s.x + i), Load(s.y + i), Load(s.z + i)) * Load(s.solid_angle + i);
+      all += w;
+      if (!blocked) continue;
+      for (int c = 0; c < 6; ++c) light[c] += w * Load(s.light[c] + i);
+    }
+  }
+  void Finish(IndirectSums* out) const {
+    out->all = Sum(all);
+    for (int c = 0; c < 6; ++c) out->light[c] = Sum(light[c]);
+  }
+};
+
+template <class Accumulator, class Sums>
+void SumLobe(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w, Sums* out) {
+  const LobeWeigher weigher(w);
+  Accumulator sums;
+  for (int i = 0; i < count; ++i) sums.AddTile(s, tiles[i], weigher);
+  sums.Finish(out);
+}
+
+template <class Accumulator, class Sums>
+void SumCosine(const SampleArrays& s, int tiles, Sums* out) {
+  Accumulator sums;
+  for (int tile = 0; tile < tiles; ++tile) sums.AddTile(s, tile, CosineWeigher{});
+  sums.Finish(out);
+}
+
+inline uint32_t SignMask(const Floats& v) {
+#ifdef __AVX__
+  return static_cast<uint32_t>(__builtin_ia32_movmskps256(v));
+#else
+  uint32_t mask = 0;
+  for (int i = 0; i < kLanes; ++i) mask |= static_cast<uint32_t>(v[i] < 0) << i;
+  return mask;
+#endif
+}
+
+/// Two cones meet if the angle between their axes is at most the sum of their radii a + b; with a + b <= pi that is
+/// cos(angle) >= cos a cos b - sin a sin b.
+int SelectTiles(const TileCones& cones, const QueryCone& query, uint16_t* out) {
+  const Floats x = Splat(query.x), y = Splat(query.y), z = Splat(query.z);
+  const Floats cos_b = Splat(query.cos_radius), sin_b = Splat(query.sin_radius);
+  int count = 0;
+  for (int i = 0; i < cones.padded_count; i += kLanes) {
+    const Floats cos_a = Load(cones.cos_radius + i), sin_a = Load(cones.sin_radius + i);
+    const Floats cosine = x * Load(cones.x + i) + y * Load(cones.y + i) + z * Load(cones.z + i);
+    // a + b > pi (cos a + cos b < 0) meets everything; padding (cos a = -4) meets nothing.
+    const Floats bound = cos_a + cos_b < 0.0f ? Splat(-2) : cos_a * cos_b - sin_a * sin_b;
+    const Floats outside = cos_a < -2.0f ? Splat(-1) : cosine - bound + 1e-6f;
+    uint32_t inside = ~SignMask(outside) & 0xFFu;
+    while (inside) {
+      out[count++] = static_cast<uint16_t>(i + __builtin_ctz(inside));
+      inside &= inside - 1;
+    }
+  }
+  return count;
+}
+
+}  // namespace
+
+const GatherKernels GLINT_KERNELS = {GLINT_KERNEL_LEVEL,
+                                     SelectTiles,
+                                     SumLobe<DirectAccumulator, DirectSums>,
+                                     SumLobe<IndirectAccumulator, IndirectSums>,
+                                     SumCosine<DirectAccumulator, DirectSums>,
+                                     SumCosine<IndirectAccumulator, IndirectSums>};
+
+}  // namespace glint

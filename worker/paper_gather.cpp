@@ -1,0 +1,153 @@
+// Gathering as in laurijssen2011 section 5: for every slice and every layer, rays are drawn from the slice's
+// lobe; those that leave the scene make up the direct term (Eq. 9), and what the others meet is interpolated
+// (Eq. 7) and merged into one lobe (Eq. 10, 11; corrected forms in docs/mathematics.md). Kept for comparison.
+// Changed: rays that the lobe sends under the surface are drawn again, since no BRDF reflects there; and
+// kappa comes from the exact relation.
+#include "worker/paper_gather.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <glm/ext/vector_double3.hpp>
+#include <glm/geometric.hpp>
+
+#include "common/base/frame.h"
+#include "common/base/rng.h"
+#include "common/lobes/vmf.h"
+#include "worker/hit_light.h"
+#include "worker/slice_encoder.h"
+#include "worker/slice_lobes.h"
+#include "worker/surface_vertices.h"
+
+namespace glint {
+namespace {
+
+constexpr int kMaxDrawsPerRay = 16;
+
+class PaperGatherer : public Gatherer {
+ public:
+  PaperGatherer(const GatherInput& input, const BakeSettings& settings)
+      : input_(input),
+        settings_(settings),
+        reader_(input.domain, input.grid),
+        surface_(input.domain, input.rays.epsilon()) {}
+
+  BlockResult Gather(const GatherBlock& block, int layer, const LayerViews* previous) override {
+    BlockResult result;
+    const int slots = input_.domain.max_lobes();
+    result.slots.resize(static_cast<size_t>(slots) + 1);
+    Fan fan;
+    for (uint32_t v = block.first_vertex; v < block.first_vertex + block.vertices; ++v) {
+      for (int slot = 0; slot < slots; ++slot) result.slots[slot].BeginRow();
+      if (block.first_column == 0) result.slots.back().BeginRow();
+      if (!surface_.used(v)) continue;
+      if (block.first_column == 0) GatherDiffuse(v, layer, previous, &fan, &result);
+      for (uint32_t column = block.first_column; column < block.first_column + block.columns; ++column)
+        GatherSlices(v, column, layer, previous, &fan, &result);
+    }
+    return result;
+  }
+
+ private:
+  struct Fan {
+    std::vector<Ray> rays;
+    std::vector<Hit> hits;
+  };
+
+  void GatherSlices(uint32_t v, uint32_t column, int layer, const LayerViews* previous, Fan* fan,
+                    BlockResult* result) {
+    const glm::vec3& wo = input_.grid.direction(column);
+    const float cosine = glm::dot(input_.domain.normals[v], wo);
+    if (cosine == 0 || (cosine < 0 && !input_.domain.double_sided[v])) return;
+    const VertexSide side = surface_.side(v, cosine < 0);
+    const UnoccludedSlice slice(input_.domain.shapes[input_.domain.shape[v]], side.normal, wo);
+    for (int k = 0; k < slice.slice.lobes; ++k) {
+      const float kappa = slice.slice.lobe[k].kappa;
+      const SliceLobe lobe{slice.mu[k], kappa, kappa};
+      CounterRng rng(settings_.seed, v, column | (static_cast<uint32_t>(k) << 16),
+                     static_cast<uint32_t>(layer));
+      Trace(side, &rng, fan, [&](float a, float b) { return SampleVmf({lobe.mu, lobe.kappa}, a, b); });
+      Merge(v, lobe, layer, previous, *fan, static_cast<uint16_t>(column), &result->slots[k],
+            &result->counters);
+    }
+  }
+
+  void GatherDiffuse(uint32_t v, int layer, const LayerViews* previous, Fan* fan, BlockResult* result) {
+    const glm::vec3& diffuse = input_.domain.diffuse[v];
+    if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
+    for (int s = 0; s < (input_.domain.double_sided[v] ? 2 : 1); ++s) {
+      const VertexSide side = surface_.side(v, s == 1);
+      const Frame frame = Frame::FromNormal(side.normal);
+      CounterRng rng(settings_.seed, v, 0xFFFF0000u | static_cast<uint32_t>(s), static_cast<uint32_t>(layer));
+      Trace(side, &rng, fan, [&](float a, float b) {
+        const float r = std::sqrt(a), phi = 2 * kPi * b;
+        return frame.ToWorld({r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - a)});
+      });
+      const SliceLobe lobe{side.normal, kCosineKappa, kCosineKappa};
+      Merge(v, lobe, layer, previous, *fan, static_cast<uint16_t>(s), &result->slots.back(),
+            &result->counters);
+    }
+  }
+
+  template <class Sample>
+  void Trace(const VertexSide& side, CounterRng* rng, Fan* fan, const Sample& sample) const {
+    const auto wanted = static_cast<size_t>(settings_.paper_rays);
+    fan->rays.clear();
+    for (int draw = 0; draw < kMaxDrawsPerRay * settings_.paper_rays && fan->rays.size() < wanted; ++draw) {
+      const float a = rng->Uniform(), b = rng->Uniform();
+      Ray ray;
+      ray.origin = side.origin;
+      ray.direction = sample(a, b);
+      if (glm::dot(ray.direction, side.normal) > 0 && glm::dot(ray.direction, side.geometric) > 0)
+        fan->rays.push_back(ray);
+    }
+    fan->hits.resize(fan->rays.size());
+    input_.rays.IntersectCoherent(fan->rays.data(), fan->hits.data(), static_cast<int>(fan->rays.size()));
+  }
+
+  void Merge(uint32_t v, const SliceLobe& lobe, int layer, const LayerViews* previous, const Fan& fan,
+             uint16_t column, BlockRows* rows, GatherCounters* counters) const {
+    ++counters->slices;
+    counters->rays += fan.rays.size();
+    double count = 0;
+    DirectMoments direct{0, {}};
+    IndirectMoments indirect;
+    for (size_t i = 0; i < fan.rays.size(); ++i) {
+      const Hit& hit = fan.hits[i];
+      if (hit.hit() && hit.t < surface_.touch_distance(v) && surface_.Incident(hit.triangle, v)) continue;
+      count += 1;
+      if (!hit.hit()) {
+        direct.visible += 1;
+        direct.mean += glm::dvec3(fan.rays[i].direction);
+      } else if (layer > 0) {
+        const std::array<float, 6> light =
+            HitLight(reader_, *previous, layer - 1, hit.triangle, hit.u, hit.v, -fan.rays[i].direction);
+        indirect.alpha += glm::dvec3(light[0], light[1], light[2]);
+        indirect.moment += glm::dvec3(light[3], light[4], light[5]);
+      }
+    }
+    if (count == 0) return;
+    direct.visible /= count;
+    direct.mean /= count;
+    indirect.alpha /= count;
+    indirect.moment /= count;
+    if (layer == 0) {
+      StoreDirect(FitDirect(lobe, direct, settings_.drop), column, rows);
+    } else {
+      StoreIndirect(FitIndirect(lobe, indirect, settings_.drop), column, rows);
+    }
+  }
+
+  const GatherInput input_;
+  const BakeSettings settings_;
+  const TransferReader reader_;
+  const SurfaceVertices surface_;
+};
+
+}  // namespace
+
+std::unique_ptr<Gatherer> MakePaperGatherer(const GatherInput& input, const BakeSettings& settings) {
+  return std::make_unique<PaperGatherer>(input, settings);
+}
+
+}  // namespace glint

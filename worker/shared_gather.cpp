@@ -1,0 +1,186 @@
+// Gathering with one shared set of hemisphere rays per bake vertex. Where laurijssen2011 traces 144 rays for
+// every slice in every layer, here a vertex's hemisphere is traced once, on a lattice of equal solid angles
+// that is finer where neighbouring rays see different surfaces. Every view direction, lobe and layer is a
+// weighted sum over those samples.
+#include "worker/shared_gather.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/ext/vector_double3.hpp>
+#include <glm/geometric.hpp>
+#include <utility>
+
+#include "common/lobes/vmf.h"
+#include "worker/gather_kernel.h"
+#include "worker/hit_light.h"
+#include "worker/hit_set.h"
+#include "worker/slice_encoder.h"
+#include "worker/slice_lobes.h"
+
+namespace glint {
+namespace {
+
+constexpr float kLog2E = 1.44269504f;
+constexpr float kCutoff = 10;  ///< a lobe ends where its exponent is -10: 4.5e-5 of its weight lies beyond
+constexpr float kKappaPerSample = 0.6f;  ///< a lattice of n samples resolves lobes up to about 0.6 n
+
+/// Buffers of one thread.
+struct Scratch {
+  HemisphereSamples samples[2];  ///< front, back
+  std::vector<uint16_t> tiles;
+};
+
+/// One side of a vertex, ready to be summed over.
+struct Side {
+  Frame frame;  ///< lattice to world; n is the side's shading normal
+  HemisphereSamples* samples;
+  SampleArrays arrays;
+  float max_kappa;
+};
+
+class SharedGatherer : public Gatherer {
+ public:
+  SharedGatherer(const GatherInput& input, const BakeSettings& settings, uint64_t memory_bytes)
+      : input_(input),
+        settings_(settings),
+        kernels_(SelectGatherKernels()),
+        reader_(input.domain, input.grid),
+        cache_(input_, settings_, memory_bytes) {}
+
+  BlockResult Gather(const GatherBlock& block, int layer, const LayerViews* previous) override {
+    BlockResult result;
+    result.slots.resize(static_cast<size_t>(input_.domain.max_lobes()) + 1);
+    Scratch scratch;
+    for (uint32_t v = block.first_vertex; v < block.first_vertex + block.vertices; ++v)
+      GatherVertex(v, block, layer, previous, &scratch, &result);
+    return result;
+  }
+
+ private:
+  void GatherVertex(uint32_t v, const GatherBlock& block, int layer, const LayerViews* previous,
+                    Scratch* scratch, BlockResult* result) {
+    const bool owns_diffuse = block.first_column == 0;
+    for (size_t slot = 0; slot + 1 < result->slots.size(); ++slot) result->slots[slot].BeginRow();
+    if (owns_diffuse) result->slots.back().BeginRow();
+    if (!cache_.surface().used(v)) return;
+    Side sides[2];
+    const int side_count = input_.domain.double_sided[v] ? 2 : 1;
+    for (int s = 0; s < side_count; ++s) {
+      sides[s] = PrepareSide(v, s, layer, previous, scratch, owns_diffuse ? &result->counters : nullptr);
+      if (owns_diffuse) GatherDiffuse(v, s, sides[s], layer, result);
+    }
+    for (uint32_t column = block.first_column; column < block.first_column + block.columns; ++column) {
+      const glm::vec3& wo = input_.grid.direction(column);
+      const int s = glm::dot(input_.domain.normals[v], wo) > 0 ? 0 : 1;
+      if (s >= side_count || glm::dot(sides[s].frame.n, wo) <= 0) continue;
+      GatherSlices(v, column, wo, sides[s], layer, scratch, result);
+    }
+  }
+
+  Side PrepareSide(uint32_t v, int s, int layer, const LayerViews* previous, Scratch* scratch,
+                   GatherCounters* counters) {
+    std::unique_ptr<HitSet> keep;
+    const HitSet& hits = cache_.Get(v, s, &keep);
+    if (layer == 0 && counters) counters->rays += hits.rays;
+    const HemisphereLattice& lattice = cache_.lattice(v);
+    Side side;
+    side.frame = cache_.LatticeFrame(v, s);
+    side.samples = &scratch->samples[s];
+    side.samples->Expand(hits, lattice);
+    if (layer > 0) {
+      side.samples->Shade(hits, [&](const SurfaceHit& hit, const glm::vec3& local) {
+        return HitLight(reader_, *previous, layer - 1, hit.triangle, hit.u / 65535.0f, hit.v / 65535.0f,
+                        -side.frame.ToWorld(local));
+      });
+    }
+    side.arrays = side.samples->arrays();
+    side.max_kappa = kKappaPerSample * static_cast<float>(lattice.cells());
+    scratch->tiles.resize(std::max<size_t>(scratch->tiles.size(), lattice.tiles() + kLanes));
+    return side;
+  }
+
+  void GatherSlices(uint32_t v, uint32_t column, const glm::vec3& wo, const Side& side, int layer,
+                    Scratch* scratch, BlockResult* result) {
+    const BrdfShape& shape = input_.domain.shapes[input_.domain.shape[v]];
+    result->counters.slices += shape.lobes;
+    if (!side.samples->any_blocked()) return;
+    const UnoccludedSlice slice(shape, side.frame.n, wo);
+    for (int k = 0; k < slice.slice.lobes; ++k) {
+      const float kappa = slice.slice.lobe[k].kappa;
+      const SliceLobe lobe{slice.mu[k], kappa, std::min(kappa, side.max_kappa)};
+      const glm::vec3 local = side.frame.ToLocal(lobe.mu);
+      const float cosine = std::max(-1.0f, 1 - kCutoff / std::max(lobe.gather_kappa, 1.0f));
+      const QueryCone cone{local.x, local.y, local.z, cosine, std::sqrt(1 - cosine * cosine)};
+      uint16_t* tiles = scratch->tiles.data();
+      if (kernels_.select_tiles(side.samples->blocked_cones(), cone, tiles) == 0) continue;
+      const int count = kernels_.select_tiles(side.samples->cones(), cone, tiles);
+      const LobeWeight weight{local.x, local.y, local.z, lobe.gather_kappa * kLog2E};
+      const auto stored_column = static_cast<uint16_t>(column);
+      if (layer == 0) {
+        DirectSums sums;
+        kernels_.direct_lobe(side.arrays, tiles, count, weight, &sums);
+        const DirectMoments moments = ToMoments(sums, side, lobe.mu, 1 - DeltaFromKappa(lobe.gather_kappa));
+        StoreDirect(FitDirect(lobe, moments, settings_.drop), stored_column, &result->slots[k]);
+      } else {
+        IndirectSums sums;
+        kernels_.indirect_lobe(side.arrays, tiles, count, weight, &sums);
+        StoreIndirect(FitIndirect(lobe, ToMoments(sums), settings_.drop), stored_column, &result->slots[k]);
+      }
+    }
+  }
+
+  void GatherDiffuse(uint32_t v, int s, const Side& side, int layer, BlockResult* result) {
+    const glm::vec3& diffuse = input_.domain.diffuse[v];
+    if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
+    ++result->counters.slices;
+    if (!side.samples->any_blocked()) return;
+    const SliceLobe lobe{side.frame.n, kCosineKappa, kCosineKappa};
+    BlockRows* rows = &result->slots.back();
+    if (layer == 0) {
+      DirectSums sums;
+      kernels_.direct_cosine(side.arrays, side.samples->tiles(), &sums);
+      StoreDirect(FitDirect(lobe, ToMoments(sums, side, lobe.mu, 2.0 / 3), settings_.drop),
+                  static_cast<uint16_t>(s), rows);
+    } else {
+      IndirectSums sums;
+      kernels_.indirect_cosine(side.arrays, side.samples->tiles(), &sums);
+      StoreIndirect(FitIndirect(lobe, ToMoments(sums), settings_.drop), static_cast<uint16_t>(s), rows);
+    }
+  }
+
+  /// The unoccluded lobe's mean is known exactly, so the samples only have to tell what blocking changes:
+  ///   mean = visible r mu + h (mean of all - mean of the blocked), h the blocked part,
+  /// which is the plain sample mean with the lobe's own sampling error taken out in proportion to what is
+  /// visible.
+  static DirectMoments ToMoments(const DirectSums& sums, const Side& side, const glm::vec3& mu,
+                                 double mean_cosine) {
+    if (sums.all <= 0 || sums.blocked <= 0) return {};
+    const double h = std::min(1.0, static_cast<double>(sums.blocked) / sums.all);
+    const glm::vec3 all = glm::vec3(sums.all_x, sums.all_y, sums.all_z) / sums.all;
+    const glm::vec3 blocked = glm::vec3(sums.blocked_x, sums.blocked_y, sums.blocked_z) / sums.blocked;
+    const glm::dvec3 change(side.frame.ToWorld(all - blocked));
+    return {1 - h, (1 - h) * mean_cosine * glm::dvec3(mu) + h * change};
+  }
+
+  static IndirectMoments ToMoments(const IndirectSums& sums) {
+    if (sums.all <= 0) return {};
+    const double scale = 1.0 / sums.all;
+    return {glm::dvec3(sums.light[0], sums.light[1], sums.light[2]) * scale,
+            glm::dvec3(sums.light[3], sums.light[4], sums.light[5]) * scale};
+  }
+
+  const GatherInput input_;
+  const BakeSettings settings_;
+  const GatherKernels& kernels_;
+  const TransferReader reader_;
+  HitSetCache cache_;
+};
+
+}  // namespace
+
+std::unique_ptr<Gatherer> MakeSharedGatherer(const GatherInput& input, const BakeSettings& settings,
+                                             uint64_t memory_bytes) {
+  return std::make_unique<SharedGatherer>(input, settings, memory_bytes);
+}
+
+}  // namespace glint

@@ -1,0 +1,59 @@
+#include "worker/slice_encoder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+
+#include "common/base/frame.h"
+#include "common/lobes/vmf.h"
+
+namespace glint {
+namespace {
+
+struct MeanLobe {
+  glm::vec3 mu;
+  float kappa;
+};
+
+/// Lobe with first moment `m` and total weight `weight`. A handful of samples can look sharper than they are:
+/// the width never falls below a quarter of the lobe's that weighed them (1 - ||r|| >= 1 / (16 kappa)).
+MeanLobe LobeFromMoment(const glm::dvec3& m, double weight, const SliceLobe& lobe) {
+  const double length = glm::length(m);
+  if (length <= 1e-12 * weight) return {lobe.mu, 0};
+  const double sharpest = 1.0 / (16.0 * std::max(lobe.gather_kappa, 0.0625f));
+  const double delta = std::clamp(1 - length / weight, std::min(sharpest, 1.0), 1.0);
+  return {glm::vec3(m / length), KappaFromDelta(static_cast<float>(delta))};
+}
+
+}  // namespace
+
+std::optional<DirectLobe> FitDirect(const SliceLobe& lobe, const DirectMoments& moments, float drop) {
+  if (moments.visible >= 1 - drop) return std::nullopt;
+  if (moments.visible <= drop) return DirectLobe{.fraction = 0};
+  const MeanLobe mean = LobeFromMoment(moments.mean, moments.visible, lobe);
+  // What the coarser gathering lobe lost on its edge is narrower in proportion on the real one.
+  const float narrowing = std::sqrt(lobe.gather_kappa / std::max(lobe.kappa, 1e-6f));
+  DirectLobe direct;
+  direct.fraction = static_cast<float>(moments.visible);
+  direct.shift = glm::clamp((mean.mu - lobe.mu) * std::min(narrowing, 1.0f), glm::vec3(-2), glm::vec3(2));
+  direct.kappa_ratio = std::clamp(mean.kappa / std::max(lobe.gather_kappa, 1e-6f), 0x1p-20f, 0x1p20f);
+  return direct;
+}
+
+std::optional<IndirectLobe> FitIndirect(const SliceLobe& lobe, const IndirectMoments& moments, float drop) {
+  const glm::vec3 alpha(moments.alpha);
+  if (std::max({alpha.x, alpha.y, alpha.z}) < drop) return std::nullopt;
+  const MeanLobe mean = LobeFromMoment(moments.moment, Luminance(alpha), lobe);
+  return IndirectLobe{glm::max(alpha, glm::vec3(0)), mean.mu, mean.kappa};
+}
+
+void StoreDirect(const std::optional<DirectLobe>& lobe, uint16_t column, BlockRows* rows) {
+  if (lobe) EncodeDirect(*lobe, rows->AddEntry(column, kDirectEntryBytes));
+}
+
+void StoreIndirect(const std::optional<IndirectLobe>& lobe, uint16_t column, BlockRows* rows) {
+  if (lobe) EncodeIndirect(*lobe, rows->AddEntry(column, kIndirectEntryBytes));
+}
+
+}  // namespace glint

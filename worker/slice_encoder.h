@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <glm/ext/vector_double3.hpp>
+#include <glm/vec3.hpp>
+#include <optional>
+
+#include "common/archive/chunk.h"
+#include "common/archive/lobe_codec.h"
+
+namespace glint {
+
+/// One BRDF lobe of a slice in world space, and the one that gathering weighs samples by: no sharper than the
+/// samples resolve.
+struct SliceLobe {
+  glm::vec3 mu{0, 0, 1};
+  float kappa = 0;         ///< of the BRDF
+  float gather_kappa = 0;  ///< <= kappa
+};
+
+/// Sums over a lobe's samples, relative to the sum of all their weights.
+struct DirectMoments {
+  double visible = 1;  ///< weight of the unblocked ones, in [0, 1]
+  glm::dvec3 mean{0};  ///< sum of weight * direction over the unblocked ones, world
+};
+struct IndirectMoments {
+  glm::dvec3 alpha{0};   ///< mean light, RGB
+  glm::dvec3 moment{0};  ///< mean of luminance * ||r|| mu, world
+};
+
+/// The lobe that these moments describe (laurijssen2011 Eq. 3, 9 with the exact kappa), relative to the
+/// unoccluded one. Nothing if blockers change the slice by less than `drop`: it is free.
+std::optional<DirectLobe> FitDirect(const SliceLobe& lobe, const DirectMoments& moments, float drop);
+
+/// Nothing if the slice's light is below `drop`.
+std::optional<IndirectLobe> FitIndirect(const SliceLobe& lobe, const IndirectMoments& moments, float drop);
+
+void StoreDirect(const std::optional<DirectLobe>& lobe, uint16_t column, BlockRows* rows);
+void StoreIndirect(const std::optional<IndirectLobe>& lobe, uint16_t column, BlockRows* rows);
+
+}  // namespace glint
