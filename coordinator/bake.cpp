@@ -1,0 +1,232 @@
+#include "coordinator/bake.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <deque>
+#include <memory>
+#include <utility>
+
+#include "common/archive/archive.h"
+#include "common/base/files.h"
+#include "common/base/log.h"
+#include "common/base/parallel.h"
+#include "common/domain/bake_domain.h"
+#include "common/domain/direction_grid.h"
+#include "common/scene/ray_scene.h"
+#include "common/store/store.h"
+#include "coordinator/bake_report.h"
+#include "coordinator/layer.h"
+#include "coordinator/local_executor.h"
+
+namespace glint {
+namespace {
+
+namespace fs = std::filesystem;
+
+double Now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+uint64_t MachineMemory() {
+  return static_cast<uint64_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<uint64_t>(sysconf(_SC_PAGE_SIZE));
+}
+
+Digest BakeKey(const Scene& scene, const BakeOptions& options) {
+  Hasher hasher;
+  hasher.String("glint bake").String(ExecutionId()).Add(scene.content);
+  HashSettings(options.settings, &hasher);
+  return hasher.Finish();
+}
+
+Digest TaskKey(const Digest& bake_key, int layer, const GatherBlock& block, const Digest& previous) {
+  return Hasher()
+      .String("task")
+      .Add(bake_key)
+      .Add(layer)
+      .Add(block.first_vertex)
+      .Add(block.vertices)
+      .Add(block.first_column)
+      .Add(block.columns)
+      .Add(previous)
+      .Finish();
+}
+
+/// Vertices per task: small enough that threads end together and a kill loses little, large enough that
+/// publishing a chunk (a few milliseconds of fsync) is lost in the work.
+uint32_t DefaultVerticesPerTask(uint32_t vertices) { return std::clamp(vertices / 48, 64u, 1024u); }
+
+/// Blocks of vertices x directions, ordered by first vertex, then first column.
+std::vector<TaskSpec> Partition(const BakeOptions& options, uint32_t vertices, uint32_t columns, int layer,
+                                const Digest& bake_key, const Digest& previous) {
+  const uint32_t vertex_step =
+      options.vertices_per_task ? options.vertices_per_task : DefaultVerticesPerTask(vertices);
+  const uint32_t column_step =
+      options.directions_per_task ? std::min(options.directions_per_task, columns) : columns;
+  std::vector<TaskSpec> tasks;
+  for (uint32_t v = 0; v < vertices; v += vertex_step)
+    for (uint32_t c = 0; c < columns; c += column_step) {
+      const GatherBlock block{v, std::min(vertex_step, vertices - v), c, std::min(column_step, columns - c)};
+      tasks.push_back({TaskKey(bake_key, layer, block, previous), layer, block});
+    }
+  return tasks;
+}
+
+/// Measures stages and passes progress on.
+class Progress {
+ public:
+  Progress(const BakeProgressCallback& callback, BakeReport* report) : callback_(callback), report_(report) {}
+
+  void Stage(const std::string& name, size_t tasks = 0, double slices_per_task = 0) {
+    EndStage();
+    state_ = {name, 0, tasks, 0, 0};
+    slices_per_task_ = slices_per_task;
+    computed_ = 0;
+    begin_ = Now();
+    Emit();
+  }
+  void TaskDone(bool was_there) {
+    ++state_.done;
+    ++report_->tasks;
+    if (was_there) {
+      ++report_->tasks_reused;
+    } else {
+      ++computed_;
+    }
+    const double seconds = std::max(Now() - begin_, 1e-6);
+    state_.slices_per_second = static_cast<double>(computed_) * slices_per_task_ / seconds;
+    state_.seconds_left =
+        computed_ ? seconds / static_cast<double>(computed_) * static_cast<double>(state_.tasks - state_.done)
+                  : 0;
+    Emit();
+  }
+  void EndStage() {
+    if (!state_.stage.empty()) report_->stage_seconds.emplace_back(state_.stage, Now() - begin_);
+    state_.stage.clear();
+  }
+
+ private:
+  void Emit() const {
+    if (callback_) callback_(state_);
+  }
+  const BakeProgressCallback& callback_;
+  BakeReport* report_;
+  BakeProgress state_;
+  double begin_ = 0, slices_per_task_ = 0;
+  size_t computed_ = 0;
+};
+
+/// Runs one layer's round and merges it. A chunk found damaged on merging is computed again, once.
+Result<Layer> BakeLayer(const std::vector<TaskSpec>& tasks, const LayerViews* previous,
+                        const ChunkStore& store, const BakeDomain& domain, const DirectionGrid& grid,
+                        const BakeOptions& options, int threads, Executor* executor, Progress* progress) {
+  const std::string name = "layer " + std::to_string(tasks.front().layer);
+  const double slices_per_task = 0.5 * static_cast<double>(domain.vertex_count()) * grid.size() *
+                                 domain.max_lobes() / static_cast<double>(tasks.size());
+  for (int attempt = 0;; ++attempt) {
+    progress->Stage(name, tasks.size(), slices_per_task);
+    GLINT_RETURN_IF_ERROR(
+        executor->Run({tasks, previous}, [&](size_t, bool was_there) { progress->TaskDone(was_there); }));
+    progress->Stage("merge " + std::to_string(tasks.front().layer));
+    Result<Layer> layer = MergeLayer(store, tasks, domain, grid, options.table_form, threads);
+    if (layer.ok() || layer.status().kind() != ErrorKind::kMismatch || attempt > 0) return layer;
+    Log(LogLevel::kWarning, layer.status().message());
+  }
+}
+
+LayerReport DescribeLayer(const Layer& layer) {
+  LayerReport report{layer.counters.slices, layer.stored, 0, layer.energy};
+  double cells = static_cast<double>(layer.views.diffuse.rows()) * layer.views.diffuse.columns();
+  for (const SliceTableView& t : layer.views.specular) cells += static_cast<double>(t.rows()) * t.columns();
+  report.density = cells > 0 ? static_cast<double>(layer.stored) / cells : 0;
+  return report;
+}
+
+Status Publish(const fs::path& out_path, const Scene& scene, const BakeDomain& domain,
+               const std::deque<Layer>& layers, const BakeOptions& options, const Digest& bake_key,
+               BakeReport* report) {
+  ArchiveContent content;
+  content.domain = &domain;
+  content.cameras = scene.cameras;
+  content.grid_level = options.settings.grid_level;
+  content.bake_key = bake_key;
+  for (const Layer& layer : layers) {
+    content.layers.push_back(layer.views);
+    content.layer_bytes.emplace_back(layer.slots.begin(), layer.slots.end());
+  }
+  report->deterministic_json = DeterministicReportJson(*report, domain, options);
+  content.report_json = report->deterministic_json;
+  return WriteArchive(out_path, content);
+}
+
+/// The work folder can be large; what is left of it after the archive is written serves nobody.
+void RemoveWork(const fs::path& work) {
+  std::error_code error;
+  fs::remove_all(work, error);
+  if (error)
+    Log(LogLevel::kWarning, "cannot remove the work folder " + work.string() + ": " + error.message());
+}
+
+}  // namespace
+
+Result<BakeReport> BakeScene(const Scene& scene, const std::string& name, const fs::path& out_path,
+                             const BakeOptions& options, const BakeProgressCallback& callback) {
+  const double begin = Now();
+  const int threads = ResolveThreadCount(options.threads);
+  BakeReport report;
+  report.scene = name;
+  report.notes = scene.notes;
+  report.execution = ExecutionId();
+  Progress progress(callback, &report);
+
+  progress.Stage("fit");
+  const BakeDomain domain = BuildBakeDomain(scene, options.settings.fit, threads);
+  const DirectionGrid grid(options.settings.grid_level);
+  const RayScene rays(scene, threads);
+  report.vertices = domain.vertex_count();
+  report.triangles = domain.triangles.size();
+  report.directions = grid.size();
+
+  const fs::path work = options.work_dir.empty() ? fs::path(out_path.string() + ".work") : options.work_dir;
+  GLINT_ASSIGN_OR_RETURN(ChunkStore store, ChunkStore::Open(work));
+  const uint64_t memory = options.memory_bytes ? options.memory_bytes : MachineMemory() / 4;
+  const auto executor = MakeLocalExecutor(domain, rays, grid, options.settings, store, threads, memory);
+  const Digest bake_key = BakeKey(scene, options);
+
+  std::deque<Layer> layers;
+  for (int index = 0; index <= options.max_layers; ++index) {
+    const Digest previous = layers.empty() ? Digest{} : layers.back().digest;
+    const std::vector<TaskSpec> tasks =
+        Partition(options, domain.vertex_count(), grid.size(), index, bake_key, previous);
+    GLINT_ASSIGN_OR_RETURN(
+        Layer layer, BakeLayer(tasks, layers.empty() ? nullptr : &layers.back().views, store, domain, grid,
+                               options, threads, executor.get(), &progress));
+    report.layers.push_back(DescribeLayer(layer));
+    report.rays += layer.counters.rays;
+    const bool faint = index > 0 && layer.energy < options.layer_tolerance;
+    layers.push_back(std::move(layer));
+    if (faint) break;
+  }
+
+  progress.Stage("write");
+  GLINT_RETURN_IF_ERROR(Publish(out_path, scene, domain, layers, options, bake_key, &report));
+  progress.EndStage();
+  std::error_code error;
+  report.archive_bytes = fs::file_size(out_path, error);
+  report.seconds = Now() - begin;
+  report.json = FullReportJson(report);
+  GLINT_RETURN_IF_ERROR(PublishFile(out_path.string() + ".json", std::as_bytes(std::span(report.json))));
+  if (!options.keep_work) RemoveWork(work);
+  return report;
+}
+
+Result<BakeReport> Bake(const fs::path& scene_path, const fs::path& out_path, const BakeOptions& options,
+                        const BakeProgressCallback& progress) {
+  if (progress) progress({"load", 0, 0, 0, 0});
+  GLINT_ASSIGN_OR_RETURN(const Scene scene, LoadScene(scene_path, options.scene_limits));
+  return BakeScene(scene, scene_path.filename().string(), out_path, options, progress);
+}
+
+}  // namespace glint

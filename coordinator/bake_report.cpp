@@ -1,0 +1,82 @@
+#include "coordinator/bake_report.h"
+
+#include <nlohmann/json.hpp>
+
+namespace glint {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+const char* ModelName(BrdfModel model) {
+  switch (model) {
+    case BrdfModel::kGgx:
+      return "ggx";
+    case BrdfModel::kPhong:
+      return "phong";
+    case BrdfModel::kBlinnPhong:
+      return "blinn-phong";
+  }
+  return "unknown";
+}
+
+Json DescribeShape(const BrdfShape& shape) {
+  return {{"model", ModelName(shape.model)},
+          {"shape", shape.shape},
+          {"lobes", shape.lobes},
+          {"fit_mean_l2", shape.error.mean_l2},
+          {"fit_max_l2", shape.error.max_l2},
+          {"fit_max_albedo_error", shape.error.max_albedo},
+          {"fit_max_below_horizon", shape.error.max_below_horizon}};
+}
+
+Json DescribeSettings(const BakeOptions& options) {
+  const BakeSettings& s = options.settings;
+  Json json = {{"gather", s.method == GatherMethod::kShared ? "shared" : "paper"},
+               {"grid_level", s.grid_level}};
+  if (s.method == GatherMethod::kShared) {
+    json.update({{"rays_per_kappa", s.rays_per_kappa},
+                 {"min_rays", s.min_rays},
+                 {"max_rays", s.max_rays},
+                 {"split_cells", s.split_cells}});
+  } else {
+    json["paper_rays"] = s.paper_rays;
+  }
+  json.update({{"drop", s.drop},
+               {"seed", s.seed},
+               {"fit_max_lobes", s.fit.max_lobes},
+               {"fit_tolerance", s.fit.tolerance},
+               {"max_layers", options.max_layers},
+               {"layer_tolerance", options.layer_tolerance}});
+  return json;
+}
+
+}  // namespace
+
+std::string DeterministicReportJson(const BakeReport& report, const BakeDomain& domain,
+                                    const BakeOptions& options) {
+  Json json = {{"scene", report.scene},         {"vertices", report.vertices},
+               {"triangles", report.triangles}, {"directions", report.directions},
+               {"rays", report.rays},           {"execution", report.execution}};
+  json["settings"] = DescribeSettings(options);
+  for (const BrdfShape& shape : domain.shapes) json["brdfs"].push_back(DescribeShape(shape));
+  for (const LayerReport& layer : report.layers)
+    json["layers"].push_back({{"slices", layer.slices},
+                              {"stored", layer.stored},
+                              {"absent", layer.slices - layer.stored},
+                              {"density", layer.density},
+                              {"relative_light", layer.energy}});
+  json["notes"] = report.notes;
+  return json.dump(1, '\t');
+}
+
+std::string FullReportJson(const BakeReport& report) {
+  Json json = Json::parse(report.deterministic_json);
+  json["seconds"] = report.seconds;
+  for (const auto& [stage, seconds] : report.stage_seconds) json["seconds_by_stage"][stage] = seconds;
+  json["tasks"] = report.tasks;
+  json["tasks_reused"] = report.tasks_reused;
+  json["archive_bytes"] = report.archive_bytes;
+  return json.dump(1, '\t') + "\n";
+}
+
+}  // namespace glint

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "common/archive/archive.h"
+#include "common/archive/chunk.h"
+#include "common/domain/direction_grid.h"
+#include "common/store/store.h"
+#include "coordinator/executor.h"
+
+namespace glint {
+
+/// A merged layer: its tables, and how much light it carries.
+struct Layer {
+  std::vector<std::vector<std::byte>> slots;  ///< serialised tables: specular slots, then diffuse
+  LayerViews views;                           ///< into `slots`
+  Digest digest;                              ///< of the tables' bytes; what the next layer's tasks depend on
+  GatherCounters counters;
+  double energy = 0;  ///< light of this layer under a uniform environment, relative to the unoccluded BRDFs'
+  uint64_t stored = 0;
+
+  Layer() = default;
+  Layer(Layer&&) = default;
+  Layer& operator=(Layer&&) = default;
+  Layer(const Layer&) = delete;  // views point into slots
+  Layer& operator=(const Layer&) = delete;
+};
+
+/// Joins the chunks of a round in the order of vertices and columns; the same whatever the partition was.
+/// `tasks` are ordered by first vertex, then first column. A chunk that is damaged is discarded from the
+/// store and reported as kMismatch: the round has to be run again.
+Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, const BakeDomain& domain,
+                         const DirectionGrid& grid, TableForm form, int threads);
+
+}  // namespace glint

@@ -1,0 +1,66 @@
+#include "coordinator/local_executor.h"
+
+#include <mutex>
+
+#include "common/archive/chunk.h"
+#include "common/base/log.h"
+#include "common/base/parallel.h"
+#include "worker/gather.h"
+
+namespace glint {
+namespace {
+
+class LocalExecutor : public Executor {
+ public:
+  LocalExecutor(const GatherInput& input, const BakeSettings& settings, const ChunkStore& store, int threads,
+                uint64_t memory_bytes)
+      : store_(store), threads_(threads), gatherer_(MakeGatherer(input, settings, memory_bytes)) {}
+
+  Status Run(const Round& round, const std::function<void(size_t, bool)>& on_done) override {
+    std::mutex mutex;
+    Status first_error;
+    ParallelFor(round.tasks.size(), threads_, 1, [&](size_t i, int) {
+      {
+        const std::lock_guard lock(mutex);
+        if (!first_error.ok()) return;
+      }
+      Result<bool> was_there =
+          StopRequested() ? Interrupted("stopped on request") : RunTask(round, round.tasks[i]);
+      const std::lock_guard lock(mutex);
+      if (was_there.ok()) {
+        on_done(i, *was_there);
+      } else if (first_error.ok()) {
+        first_error = was_there.status();
+      }
+    });
+    return first_error;
+  }
+
+ private:
+  Result<bool> RunTask(const Round& round, const TaskSpec& task) {
+    if (store_.FindResult(task.key)) return true;
+    const BlockResult result = gatherer_->Gather(task.block, task.layer, round.previous);
+    GLINT_ASSIGN_OR_RETURN([[maybe_unused]] const Digest digest,
+                           store_.PutResult(task.key, SerializeBlock(result)));
+    return false;
+  }
+
+  ChunkStore store_;
+  const int threads_;
+  std::unique_ptr<Gatherer> gatherer_;
+};
+
+}  // namespace
+
+std::unique_ptr<Executor> MakeLocalExecutor(const BakeDomain& domain, const RayScene& rays,
+                                            const DirectionGrid& grid, const BakeSettings& settings,
+                                            const ChunkStore& store, int threads, uint64_t memory_bytes) {
+  return std::make_unique<LocalExecutor>(GatherInput{domain, rays, grid}, settings, store, threads,
+                                         memory_bytes);
+}
+
+std::string ExecutionId() {
+  return std::string("glint " GLINT_VERSION "; ") + RayScene::EngineId() + "; kernels " + GatherKernelLevel();
+}
+
+}  // namespace glint
