@@ -119,9 +119,9 @@ class Progress {
 };
 
 /// Runs one layer's round and merges it. A chunk found damaged on merging is computed again, once.
-Result<Layer> BakeLayer(const std::vector<TaskSpec>& tasks, const LayerViews* previous,
-                        const ChunkStore& store, const BakeDomain& domain, const DirectionGrid& grid,
-                        const BakeOptions& options, int threads, Executor* executor, Progress* progress) {
+Result<Layer> BakeLayer(const std::vector<TaskSpec>& tasks, const LayerViews* previous, ChunkStore& store,
+                        const BakeDomain& domain, const DirectionGrid& grid, const BakeOptions& options,
+                        int threads, Executor* executor, Progress* progress) {
   const std::string name = "layer " + std::to_string(tasks.front().layer);
   const double slices_per_task = 0.5 * static_cast<double>(domain.vertex_count()) * grid.size() *
                                  domain.max_lobes() / static_cast<double>(tasks.size());
