@@ -15,8 +15,8 @@
 
 namespace glint {
 
-/// One reflection's tables. Rows are bake vertices. A slice that is absent is the unoccluded BRDF in layer 0, and
-/// nothing in the layers above.
+/// One reflection's tables. Rows are bake vertices. A slice that is absent is the unoccluded BRDF in layer 0,
+/// and nothing in the layers above.
 struct LayerViews {
   std::vector<SliceTableView> specular;  ///< one per specular lobe of the BRDF; columns are grid directions
   SliceTableView diffuse;                ///< columns: 0 front side, 1 back side
@@ -28,7 +28,8 @@ struct ArchiveContent {
   std::vector<Camera> cameras;
   int grid_level = 3;
   std::vector<LayerViews> layers;
-  std::vector<std::vector<std::span<const std::byte>>> layer_bytes;  ///< [layer][slot]: specular slots, then diffuse
+  std::vector<std::vector<std::span<const std::byte>>>
+      layer_bytes;          ///< [layer][slot]: specular slots, then diffuse
   std::string report_json;  ///< deterministic part of the bake's report
   Digest bake_key;          ///< hash of everything that went into the bake
 };
@@ -68,8 +69,9 @@ class Archive {
   Archive();
 };
 
-/// Every checksum and every invariant: what Open checks, and that each stored entry decodes to a finite lobe within
-/// its ranges, that rows and columns are consistent, and that tables agree with the domain. kMismatch or kBadInput.
+/// Every checksum and every invariant: what Open checks, and that each stored entry decodes to a finite lobe
+/// within its ranges, that rows and columns are consistent, and that tables agree with the domain. kMismatch
+/// or kBadInput.
 Status VerifyArchive(const std::filesystem::path& path);
 
 }  // namespace glint

@@ -27,6 +27,8 @@ constexpr LogTable MakeLogTable(double first, double step) {
   return table;
 }
 
+constexpr uint16_t kReservedSnorm = 0x8000;
+
 constexpr double kRatioStep = 20.0 / 32767;
 constexpr double kRatioFirst = -32768 * kRatioStep;
 constexpr double kLog2MinKappa = -9.96578428466208704577;  // log2(1e-3)
@@ -150,15 +152,20 @@ void EncodeIndirect(const IndirectLobe& lobe, std::byte* out) {
 }
 
 bool IsCanonicalDirect(const std::byte* in) {
-  std::byte again[kDirectEntryBytes];
-  EncodeDirect(DecodeDirect(in), again);
-  return std::memcmp(in, again, sizeof again) == 0;
+  uint16_t code[6];
+  std::memcpy(code, in, sizeof code);
+  return code[1] != 0 && code[2] != kReservedSnorm && code[3] != kReservedSnorm &&
+         code[4] != kReservedSnorm && code[5] == 0;
 }
 
 bool IsCanonicalIndirect(const std::byte* in) {
-  std::byte again[kIndirectEntryBytes];
-  EncodeIndirect(DecodeIndirect(in), again);
-  return std::memcmp(in, again, sizeof again) == 0;
+  uint16_t code[6];
+  std::memcpy(code, in, sizeof code);
+  if (code[0] > kMaxHalf || code[1] > kMaxHalf || code[2] > kMaxHalf) return false;
+  if (code[3] == kReservedSnorm || code[4] == kReservedSnorm) return false;
+  const Octahedral mu{static_cast<int16_t>(code[3]), static_cast<int16_t>(code[4])};
+  const Octahedral canonical = Canonical(mu);
+  return mu.u == canonical.u && mu.v == canonical.v;
 }
 
 }  // namespace glint

@@ -213,8 +213,27 @@ TEST(LobeCodecTest, AnyBytesDecodeWithinRangesAndStably) {
     std::array<std::byte, 12> encoded;
     EncodeDirect(direct, encoded.data());
     ASSERT_TRUE(IsCanonicalDirect(encoded.data()));
+    ASSERT_EQ(IsCanonicalDirect(bytes.data()), encoded == bytes);
     EncodeIndirect(indirect, encoded.data());
     ASSERT_TRUE(IsCanonicalIndirect(encoded.data()));
+    ASSERT_EQ(IsCanonicalIndirect(bytes.data()), encoded == bytes) << code;
+  }
+}
+
+TEST(LobeCodecTest, EveryBorderCodeIsCanonicalOrNamesAnother) {
+  for (int i = -32767; i <= 32767; ++i) {
+    for (const int border : {-32767, 32767}) {
+      for (const bool swap : {false, true}) {
+        std::array<std::byte, 12> bytes, encoded;
+        EncodeIndirect(IndirectLobe{}, bytes.data());
+        const auto along = static_cast<int16_t>(i), across = static_cast<int16_t>(border);
+        std::memcpy(bytes.data() + 6, swap ? &along : &across, 2);
+        std::memcpy(bytes.data() + 8, swap ? &across : &along, 2);
+        EncodeIndirect(DecodeIndirect(bytes.data()), encoded.data());
+        ASSERT_EQ(IsCanonicalIndirect(bytes.data()), encoded == bytes) << i << " " << border << " " << swap;
+        ASSERT_TRUE(IsCanonicalIndirect(encoded.data()));
+      }
+    }
   }
 }
 

@@ -1,0 +1,98 @@
+// What opening does not look at: the values of the stored lobes, and whether they fit the surface they are
+// for.
+#include <atomic>
+#include <cmath>
+#include <glm/geometric.hpp>
+
+#include "common/archive/archive.h"
+#include "common/archive/lobe_codec.h"
+#include "common/base/parallel.h"
+
+namespace glint {
+namespace {
+
+Status CheckVertices(const BakeDomain& domain) {
+  constexpr float kUnitTolerance = 1e-3f;
+  for (uint32_t v = 0; v < domain.vertex_count(); ++v) {
+    const auto wrong = [&](const char* what) {
+      return Mismatch("vertex " + std::to_string(v) + ": " + what);
+    };
+    if (std::abs(glm::length(domain.normals[v]) - 1) > kUnitTolerance)
+      return wrong("normal is not of unit length");
+    for (int c = 0; c < 3; ++c) {
+      if (domain.specular[v][c] < 0 || domain.diffuse[v][c] < 0) return wrong("a reflectance is negative");
+    }
+  }
+  for (const BrdfShape& shape : domain.shapes) {
+    for (const BrdfSlice& slice : shape.slices) {
+      for (int k = 0; k < slice.lobes; ++k) {
+        const BrdfLobe& lobe = slice.lobe[k];
+        if (std::abs(std::hypot(lobe.mu_x, lobe.mu_z) - 1) > kUnitTolerance) {
+          return Mismatch("a BRDF lobe's direction is not of unit length");
+        }
+      }
+    }
+  }
+  return {};
+}
+
+/// Every stored entry decodes to a lobe within its ranges and is what the encoder writes for it; every entry
+/// of the table is reached by exactly one row and column.
+Status CheckEntries(const SliceTableView& table, bool direct) {
+  std::atomic<uint64_t> found{0}, first_bad{~uint64_t{0}};
+  ParallelFor(table.rows(), 0, 256, [&](size_t row, int) {
+    uint64_t in_row = 0;
+    table.Row(static_cast<uint32_t>(row)).ForEach([&](uint32_t column, const std::byte* entry) {
+      ++in_row;
+      if (direct ? IsCanonicalDirect(entry) : IsCanonicalIndirect(entry)) return;
+      const uint64_t cell = row * uint64_t{table.columns()} + column;
+      uint64_t bad = first_bad.load();
+      while (cell < bad && !first_bad.compare_exchange_weak(bad, cell)) {
+      }
+    });
+    found += in_row;
+  });
+  if (const uint64_t bad = first_bad; bad != ~uint64_t{0}) {
+    return Mismatch("vertex " + std::to_string(bad / table.columns()) + ", direction " +
+                    std::to_string(bad % table.columns()) + ": a code is out of its range; bake again");
+  }
+  if (found != table.entries()) {
+    return Mismatch(std::to_string(found) + " entries are reached, " + std::to_string(table.entries()) +
+                    " stored; bake again");
+  }
+  return {};
+}
+
+/// Nothing is seen from behind a single-sided vertex.
+Status CheckSides(const SliceTableView& diffuse, const BakeDomain& domain) {
+  for (uint32_t v = 0; v < domain.vertex_count(); ++v) {
+    if (!domain.double_sided[v] && diffuse.Find(v, 1) != nullptr) {
+      return Mismatch("vertex " + std::to_string(v) +
+                      ": single-sided, but it has a slice of its back; bake again");
+    }
+  }
+  return {};
+}
+
+Status CheckLayer(const LayerViews& layer, const BakeDomain& domain, bool direct) {
+  for (size_t k = 0; k < layer.specular.size(); ++k) {
+    GLINT_RETURN_IF_ERROR(
+        CheckEntries(layer.specular[k], direct).WithContext("specular " + std::to_string(k)));
+  }
+  GLINT_RETURN_IF_ERROR(CheckEntries(layer.diffuse, direct).WithContext("diffuse"));
+  return CheckSides(layer.diffuse, domain).WithContext("diffuse");
+}
+
+}  // namespace
+
+Status VerifyArchive(const std::filesystem::path& path) {
+  GLINT_ASSIGN_OR_RETURN(const Archive archive, Archive::Open(path));
+  GLINT_RETURN_IF_ERROR(CheckVertices(archive.domain()).WithContext(path.string()));
+  for (size_t i = 0; i < archive.layers().size(); ++i) {
+    GLINT_RETURN_IF_ERROR(CheckLayer(archive.layers()[i], archive.domain(), i == 0)
+                              .WithContext(path.string() + ": layer " + std::to_string(i)));
+  }
+  return {};
+}
+
+}  // namespace glint
