@@ -39,7 +39,7 @@ struct BrdfSlice {
 
 /// How well the lobes of one shape reproduce its slices, over all elevation nodes.
 struct BrdfFitError {
-  float mean_l2 = 0;  ///< mean over elevations of ||fit - slice|| / ||slice|| (F = 1)
+  float mean_l2 = 0;  ///< ||fit - slice|| / ||slice|| (F = 1), mean over view directions (uniform in cos_o)
   float max_l2 = 0;
   float max_albedo = 0;         ///< largest relative error of the slice's integral
   float max_below_horizon = 0;  ///< largest part of a slice's lobes under the surface, before `above`

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 #include "common/lobes/vmf.h"
 
@@ -15,7 +16,10 @@ constexpr double kMinLogWeight = -30;
 // Residual per unit of a parameter's way from the start, relative to the slice's norm.
 constexpr double kPull = 2e-3;
 // Weight of the albedo constraint, relative to the slice's norm per relative albedo.
-constexpr double kAlbedoWeight = 30;
+constexpr double kAlbedoWeight = 3;
+
+// Relative gain of a step below which a fit is done.
+constexpr double kConverged = 1e-3;
 
 constexpr int kPerLobe = 3;
 constexpr int kMaxParameters = kPerLobe * kMaxBrdfLobes;
@@ -83,25 +87,49 @@ void AddPull(const SliceQuadrature& slice, const SliceMixture& m, const SliceMix
   }
 }
 
-NormalEquations Linearize(const SliceQuadrature& slice, const SliceMixture& m, const SliceMixture& start) {
-  std::array<Prepared, kMaxBrdfLobes> lobes{};
-  for (int k = 0; k < m.lobes; ++k) lobes[k] = Prepare(m.lobe[k]);
-  NormalEquations out;
-  const int n = kPerLobe * m.lobes;
-  std::array<double, kMaxParameters> row{};
-  for (size_t p = 0; p < slice.value.size(); ++p) {
-    const double x = slice.x[p], z = slice.z[p], root = std::sqrt(slice.weight[p]);
-    double residual = -root * slice.value[p];
-    for (int k = 0; k < m.lobes; ++k) {
-      const Prepared& l = lobes[k];
-      const double exponent = l.kappa * (l.x * x + l.z * z - 1);
-      const double value = root * l.factor * std::exp(exponent);
-      residual += value;
-      row[kPerLobe * k] = value * l.kappa * (l.z * x - l.x * z);
-      row[kPerLobe * k + 1] = value * (l.d_log_kappa + exponent);
-      row[kPerLobe * k + 2] = value;
+// Dot product in four chains, so that it neither waits for each addition nor depends on the compiler's order.
+double Dot(const double* a, const double* b, size_t n) {
+  std::array<double, 4> sum{};
+  size_t i = 0;
+  for (; i + 4 <= n; i += 4)
+    for (size_t c = 0; c < 4; ++c) sum[c] += a[i + c] * b[i + c];
+  for (; i < n; ++i) sum[0] += a[i] * b[i];
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+// Jacobian by columns, the residual last; points are in rows and scaled with the root of their weight.
+std::vector<double> Jacobian(const SliceQuadrature& slice, const SliceMixture& m) {
+  const size_t points = slice.value.size();
+  std::vector<double> columns(points * (kPerLobe * m.lobes + 1));
+  double* residual = columns.data() + points * kPerLobe * m.lobes;
+  for (size_t p = 0; p < points; ++p) residual[p] = -slice.root_weight[p] * slice.value[p];
+  for (int k = 0; k < m.lobes; ++k) {
+    const Prepared l = Prepare(m.lobe[k]);
+    double *d_theta = columns.data() + points * kPerLobe * k, *d_kappa = d_theta + points,
+           *d_weight = d_kappa + points;
+    for (size_t p = 0; p < points; ++p) {
+      const double x = slice.x[p], z = slice.z[p], exponent = l.kappa * (l.x * x + l.z * z - 1);
+      const double value = slice.root_weight[p] * l.factor * std::exp(exponent);
+      d_theta[p] = value * l.kappa * (l.z * x - l.x * z);
+      d_kappa[p] = value * (l.d_log_kappa + exponent);
+      d_weight[p] = value;
+      residual[p] += value;
     }
-    out.AddRow(row, residual, n);
+  }
+  return columns;
+}
+
+NormalEquations Linearize(const SliceQuadrature& slice, const SliceMixture& m, const SliceMixture& start) {
+  const size_t points = slice.value.size();
+  const int n = kPerLobe * m.lobes;
+  const std::vector<double> columns = Jacobian(slice, m);
+  const double* residual = columns.data() + points * n;
+  NormalEquations out;
+  out.cost = Dot(residual, residual, points);
+  for (int a = 0; a < n; ++a) {
+    const double* column = columns.data() + points * a;
+    out.jtr[a] = Dot(column, residual, points);
+    for (int b = 0; b <= a; ++b) out.jtj[a][b] = Dot(column, columns.data() + points * b, points);
   }
   AddConstraint(slice, m, out);
   AddPull(slice, m, start, out);
@@ -195,9 +223,9 @@ void ExpectMaximize(const SliceQuadrature& slice, SliceMixture& m) {
 
 double PartAbove(double theta, double kappa) {
   // Rings about mu at equal steps of the lobe's cumulative distribution; of each the arc above the surface.
-  constexpr int kRings = 64;
+  constexpr int kRings = 32;
   const double mu_x = std::abs(std::sin(theta)), mu_z = std::cos(theta), tail = std::expm1(-2 * kappa);
-  if (kappa * (1 - mu_x) > 40) return mu_z > 0 ? 1 : 0;
+  if (kappa * (1 - mu_x) > 12) return mu_z > 0 ? 1 : 0;  // all but e^-12
   double sum = 0;
   for (int i = 0; i < kRings; ++i) {
     const double w = -std::log1p((i + 0.5) / kRings * tail) / kappa;
@@ -239,7 +267,7 @@ SliceMixture FitMixture(const SliceQuadrature& slice, const SliceMixture& start,
       damping *= 8;
       continue;
     }
-    const bool converged = there.cost > equations.cost * (1 - 1e-3);
+    const bool converged = there.cost > equations.cost * (1 - kConverged);
     best = next;
     equations = there;
     damping = std::max(1e-7, damping / 5);

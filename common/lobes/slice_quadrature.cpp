@@ -18,6 +18,8 @@ struct Point {
   double pdf = 0;
 };
 
+double Fifth(double x) { return x * x * (x * x * x); }
+
 dvec3 Reflect(const dvec3& w, const dvec3& h) { return 2 * glm::dot(w, h) * h - w; }
 
 // Visible normals (Heitz 2018), the azimuth over the half disc with t1 > 0.
@@ -78,8 +80,9 @@ SliceQuadrature MakeSliceQuadrature(BrdfModel model, float shape, double cos_o, 
       q.x.push_back(p.wi.x);
       q.z.push_back(p.wi.z);
       q.weight.push_back(cell / p.pdf);
+      q.root_weight.push_back(std::sqrt(q.weight.back()));
       q.value.push_back(value);
-      q.schlick.push_back(std::pow(1 - std::sqrt(0.5 * (1 + std::min(1.0, glm::dot(wo, p.wi)))), 5));
+      q.schlick.push_back(Fifth(1 - std::sqrt(0.5 * (1 + std::min(1.0, glm::dot(wo, p.wi))))));
       q.albedo += q.weight.back() * value;
       q.norm2 += q.weight.back() * value * value;
     }

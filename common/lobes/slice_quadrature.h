@@ -11,12 +11,13 @@ namespace glint {
 /// Integrals are sums over points of weight * integrand; only x and z of the directions are kept, since lobes
 /// lie in that plane.
 struct SliceQuadrature {
-  std::vector<double> x, z;     ///< direction wi
-  std::vector<double> weight;   ///< solid angle that the point stands for, sr
-  std::vector<double> value;    ///< f cos, 1/sr
-  std::vector<double> schlick;  ///< (1 - v.h)^5
-  double albedo = 0;            ///< integral of value
-  double norm2 = 0;             ///< integral of value^2, 1/sr
+  std::vector<double> x, z;         ///< direction wi
+  std::vector<double> weight;       ///< solid angle that the point stands for, sr
+  std::vector<double> root_weight;  ///< its square root
+  std::vector<double> value;        ///< f cos, 1/sr
+  std::vector<double> schlick;      ///< (1 - v.h)^5
+  double albedo = 0;                ///< integral of value
+  double norm2 = 0;                 ///< integral of value^2, 1/sr
 };
 
 /// Points on a `resolution` x `resolution` grid of a warp that follows the slice: visible normals for GGX,
