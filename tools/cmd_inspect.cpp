@@ -1,0 +1,179 @@
+#include <cstdio>
+#include <iostream>
+#include <memory>
+
+#include "common/archive/archive.h"
+#include "common/base/files.h"
+#include "common/domain/direction_grid.h"
+#include "tools/commands.h"
+
+namespace glint {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json Parse(std::string_view text) {
+  Json parsed = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  return parsed.is_discarded() ? Json() : parsed;
+}
+
+/// The report with times that the bake leaves beside the archive; null if it is not there.
+Json ReadReport(const std::string& archive) {
+  const auto bytes = ReadFile(archive + ".json", 64 << 20);
+  if (!bytes.ok()) return {};
+  return Parse({reinterpret_cast<const char*>(bytes->data()), bytes->size()});
+}
+
+Json DescribeTable(const SliceTableView& table, const std::string& name) {
+  const uint64_t slices = uint64_t{table.rows()} * table.columns();
+  return {{"name", name},
+          {"form", table.form() == TableForm::kClassic ? "classic" : "compact"},
+          {"rows", table.rows()},
+          {"columns", table.columns()},
+          {"stored", table.entries()},
+          {"absent", slices - table.entries()},
+          {"density", table.density()},
+          {"fill", table.fill()},
+          {"entry_bytes", table.entry_bytes()},
+          {"index_bytes", table.index_bytes()}};
+}
+
+Json DescribeLayers(const Archive& archive) {
+  Json layers = Json::array();
+  for (size_t i = 0; i < archive.layers().size(); ++i) {
+    const LayerViews& views = archive.layers()[i];
+    Json tables = Json::array();
+    for (size_t lobe = 0; lobe < views.specular.size(); ++lobe) {
+      tables.push_back(DescribeTable(views.specular[lobe], "specular lobe " + std::to_string(lobe)));
+    }
+    tables.push_back(DescribeTable(views.diffuse, "diffuse"));
+    layers.push_back({{"layer", i}, {"tables", tables}});
+  }
+  return layers;
+}
+
+Json DescribeShapes(const BakeDomain& domain) {
+  static constexpr const char* kModels[] = {"ggx", "phong", "blinn-phong"};
+  Json shapes = Json::array();
+  for (const BrdfShape& shape : domain.shapes) {
+    shapes.push_back({{"model", kModels[static_cast<int>(shape.model)]},
+                      {"shape", shape.shape},
+                      {"lobes", shape.lobes},
+                      {"fit_mean_l2", shape.error.mean_l2},
+                      {"fit_max_l2", shape.error.max_l2},
+                      {"fit_max_albedo_error", shape.error.max_albedo}});
+  }
+  return shapes;
+}
+
+Json DescribeArchive(const std::string& path, const Archive& archive) {
+  Json sections = Json::array(), cameras = Json::array();
+  for (const SectionInfo& s : archive.sections()) {
+    sections.push_back({{"name", s.name},
+                        {"offset", s.offset},
+                        {"stored_bytes", s.stored_bytes},
+                        {"raw_bytes", s.raw_bytes}});
+  }
+  for (const Camera& camera : archive.cameras()) cameras.push_back(camera.name);
+  return {{"archive", path},
+          {"file_bytes", archive.file_bytes()},
+          {"bake_key", archive.bake_key().Hex()},
+          {"vertices", archive.domain().vertex_count()},
+          {"triangles", archive.domain().triangles.size()},
+          {"directions", DirectionGrid(archive.grid_level()).size()},
+          {"cameras", cameras},
+          {"layers", DescribeLayers(archive)},
+          {"shapes", DescribeShapes(archive.domain())},
+          {"sections", sections},
+          {"bake", Parse(archive.report_json())},
+          {"report", ReadReport(path)}};
+}
+
+/// Adds a line of printf's making to `out`.
+template <class... Args>
+void Line(std::string& out, const char* format, Args... args) {
+  char line[256];
+  std::snprintf(line, sizeof line, format, args...);
+  out += line;
+  out += '\n';
+}
+
+/// Nested objects as indented lines "key  value"; arrays stay on one line.
+void PrintTree(std::string& out, const Json& object, int indent) {
+  for (const auto& [key, value] : object.items()) {
+    const std::string start = std::string(static_cast<size_t>(indent), ' ') + key;
+    if (value.is_object()) {
+      out += start + '\n';
+      PrintTree(out, value, indent + 2);
+    } else {
+      out += start + std::string(start.size() < 28 ? 28 - start.size() : 1, ' ') + value.dump() + '\n';
+    }
+  }
+}
+
+std::string ToText(const Json& d) {
+  using Count = unsigned long long;
+  std::string out;
+  Line(out, "%s: %llu bytes", d["archive"].get<std::string>().c_str(), d["file_bytes"].get<Count>());
+  Line(out, "bake key    %s", d["bake_key"].get<std::string>().c_str());
+  Line(out, "vertices    %llu", d["vertices"].get<Count>());
+  Line(out, "triangles   %llu", d["triangles"].get<Count>());
+  Line(out, "directions  %llu", d["directions"].get<Count>());
+  out += "cameras     " + d["cameras"].dump() + '\n';
+  Line(out, "\n%-6s %-16s %-8s %10s %12s %12s %8s %7s %12s", "layer", "table", "form", "rows", "stored",
+       "absent", "density", "fill", "index bytes");
+  for (const Json& layer : d["layers"]) {
+    for (const Json& t : layer["tables"]) {
+      Line(out, "%-6d %-16s %-8s %10llu %12llu %12llu %8.4f %7.4f %12llu", layer["layer"].get<int>(),
+           t["name"].get<std::string>().c_str(), t["form"].get<std::string>().c_str(), t["rows"].get<Count>(),
+           t["stored"].get<Count>(), t["absent"].get<Count>(), t["density"].get<double>(),
+           t["fill"].get<double>(), t["index_bytes"].get<Count>());
+    }
+  }
+  Line(out, "\n%-12s %10s %6s %12s %12s %14s", "BRDF", "shape", "lobes", "mean L2", "max L2", "albedo error");
+  for (const Json& s : d["shapes"]) {
+    Line(out, "%-12s %10.4g %6d %12.4f %12.4f %14.2e", s["model"].get<std::string>().c_str(),
+         s["shape"].get<double>(), s["lobes"].get<int>(), s["fit_mean_l2"].get<double>(),
+         s["fit_max_l2"].get<double>(), s["fit_max_albedo_error"].get<double>());
+  }
+  Line(out, "\n%-28s %14s %14s", "section", "stored bytes", "raw bytes");
+  for (const Json& s : d["sections"]) {
+    Line(out, "%-28s %14llu %14llu", s["name"].get<std::string>().c_str(), s["stored_bytes"].get<Count>(),
+         s["raw_bytes"].get<Count>());
+  }
+  const Json& report = d["report"].is_object() ? d["report"] : d["bake"];
+  if (report.is_object()) {
+    out += "\nbake report\n";
+    PrintTree(out, report, 2);
+  }
+  return out;
+}
+
+Status RunInspect(const std::string& path, const CommonWords& common) {
+  GLINT_ASSIGN_OR_RETURN(const Archive archive, Archive::Open(path));
+  const Json description = DescribeArchive(path, archive);
+  if (common.json) {
+    PrintJson(description);
+  } else {
+    std::cout << ToText(description);
+  }
+  return {};
+}
+
+}  // namespace
+
+Command AddInspectCommand(CLI::App& glint, CommonWords& common) {
+  CLI::App& app = *glint.add_subcommand("inspect", "Show what an archive holds and what it took to bake it");
+  const auto path = std::make_shared<std::string>();
+  app.add_option("archive", *path, "Archive that 'glint bake' wrote")->required()->type_name("ARCHIVE");
+  AddCommonWords(app, common);
+  app.footer(
+      "Times and rays come from the report ARCHIVE.json beside the archive, if it is there.\n"
+      "\n"
+      "Examples:\n"
+      "  glint inspect teapot.glint\n"
+      "  glint inspect teapot.glint --json");
+  return [path, &common] { return RunInspect(*path, common); };
+}
+
+}  // namespace glint

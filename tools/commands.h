@@ -1,0 +1,19 @@
+#pragma once
+
+#include "tools/options.h"
+
+namespace glint {
+
+// Each declares one sub-command and its words on `glint`, and returns what it does; `common` is filled by
+// parsing.
+
+Command AddBakeCommand(CLI::App& glint, CommonWords& common);
+Command AddRenderCommand(CLI::App& glint, CommonWords& common);
+Command AddReferenceCommand(CLI::App& glint, CommonWords& common);
+Command AddCompareCommand(CLI::App& glint, CommonWords& common);
+Command AddInspectCommand(CLI::App& glint, CommonWords& common);
+Command AddVerifyCommand(CLI::App& glint, CommonWords& common);
+Command AddSceneCommand(CLI::App& glint, CommonWords& common);
+Command AddEnvironmentCommand(CLI::App& glint, CommonWords& common);
+
+}  // namespace glint
