@@ -222,19 +222,24 @@ void ExpectMaximize(const SliceQuadrature& slice, SliceMixture& m) {
 }  // namespace
 
 double PartAbove(double theta, double kappa) {
-  // Rings about mu at equal steps of the lobe's cumulative distribution; of each the arc above the surface.
-  constexpr int kRings = 32;
+  // In rings about mu at w = 1 - cos: those nearer than the surface lie on mu's side, those beyond its
+  // reflection on the other, those between count by their arc above, cos_ring mu_z + sin_ring mu_x cos(phi) >
+  // 0.
   const double mu_x = std::abs(std::sin(theta)), mu_z = std::cos(theta), tail = std::expm1(-2 * kappa);
   if (kappa * (1 - mu_x) > 12) return mu_z > 0 ? 1 : 0;  // all but e^-12
-  double sum = 0;
+  const auto cumulative = [&](double w) { return std::expm1(-kappa * w) / tail; };
+  const double near = cumulative(1 - mu_x), far = cumulative(1 + mu_x);
+  constexpr int kRings = 24;
+  double between = 0;
   for (int i = 0; i < kRings; ++i) {
-    const double w = -std::log1p((i + 0.5) / kRings * tail) / kappa;
-    const double sin_ring = std::sqrt(std::max(0.0, w * (2 - w)));
-    // Above: cos_ring mu_z + sin_ring mu_x cos phi > 0.
+    const double t =
+        (i + 0.5) / kRings;  // the arc starts and ends like a root: steps shrink towards both ends
+    const double u = near + (far - near) * t * t * (3 - 2 * t);
+    const double w = -std::log1p(u * tail) / kappa, sin_ring = std::sqrt(std::max(0.0, w * (2 - w)));
     const double edge = -(1 - w) * mu_z / std::max(1e-12, sin_ring * mu_x);
-    sum += std::acos(std::clamp(edge, -1.0, 1.0)) / kPiD;
+    between += std::acos(std::clamp(edge, -1.0, 1.0)) * t * (1 - t);
   }
-  return sum / kRings;
+  return (mu_z > 0 ? near : 1 - far) + (far - near) * between * 6 / (kRings * kPiD);
 }
 
 SliceMixture StartMixture(const SliceQuadrature& slice, int lobes) {

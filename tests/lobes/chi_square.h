@@ -35,18 +35,16 @@ inline double ChiSquareTail(double x, int dof) {
 }
 
 /// Chi-square test of `sample` (unit directions, or (0,0,0) for "no sample") against `pdf` (1/sr): the
-/// probability of a deviation at least this large if they agree. Cells are equally likely under the vMF lobe
-/// (axis, kappa), so that a sharp density is resolved; what the cells expect is integrated from `pdf`, and
-/// what it lacks to one must be the part without a sample. Cells that expect fewer than five are pooled.
+/// probability of a deviation at least this large if they agree. Cells are rings about `axis`, even in log(1
+/// + w / w0), w = 1 - cos, w0 = 1 / (4 kappa), times sectors, so that lobes of any width down to that of
+/// `kappa` are resolved, mixed or not. What cells expect is integrated from `pdf`, and what it lacks to one
+/// must be the part without a sample. Cells that expect fewer than five are pooled.
 template <class Sample, class Pdf>
 double ChiSquareOfSphere(const glm::vec3& axis, float kappa, int count, const Sample& sample,
                          const Pdf& pdf) {
-  constexpr int kRings = 12, kSectors = 16, kFine = 12;
+  constexpr int kRings = 12, kSectors = 16, kFineRings = 16, kFineSectors = 10;
   const Frame frame = Frame::FromNormal(axis);
-  // u in (0, 1) of w = 1 - cos theta: the lobe's cumulative distribution, and its inverse.
-  const double e = std::expm1(-2.0 * kappa);
-  const auto cumulative = [&](double w) { return kappa > 1e-6f ? std::expm1(-kappa * w) / e : w / 2; };
-  const auto inverse = [&](double u) { return kappa > 1e-6f ? -std::log1p(u * e) / kappa : 2 * u; };
+  const double w0 = 1 / (4 * std::max(0.25, static_cast<double>(kappa))), range = std::log1p(2 / w0);
 
   std::vector<double> observed(kRings * kSectors + 1, 0.0), expected(kRings * kSectors + 1, 0.0);
   for (int i = 0; i < count; ++i) {
@@ -56,37 +54,27 @@ double ChiSquareOfSphere(const glm::vec3& axis, float kappa, int count, const Sa
       continue;
     }
     const glm::dvec3 chord = glm::dvec3(s) - glm::dvec3(axis);
-    const double w = glm::dot(chord, chord) / 2;
+    const double t = std::log1p(glm::dot(chord, chord) / 2 / w0) / range;
     const glm::vec3 local = frame.ToLocal(s);
     const double phi = std::atan2(local.y, local.x) / (2 * kPi);
-    const int ring = std::clamp(static_cast<int>(cumulative(w) * kRings), 0, kRings - 1);
+    const int ring = std::clamp(static_cast<int>(t * kRings), 0, kRings - 1);
     const int sector = std::clamp(static_cast<int>((phi < 0 ? phi + 1 : phi) * kSectors), 0, kSectors - 1);
     observed[ring * kSectors + sector] += 1;
   }
   double total = 0;
-  for (int ring = 0; ring < kRings; ++ring)
-    for (int fine = 0; fine < kFine; ++fine) {
-      const double u0 = (ring + static_cast<double>(fine) / kFine) / kRings;
-      const double u1 = (ring + (fine + 1.0) / kFine) / kRings;
-      const double w0 = inverse(u0), w1 = u1 < 1 ? inverse(u1) : 2.0;
-      // Two Gauss points a strip; the outermost strip of a sharp lobe is long and empty.
-      for (const double t : {0.2113248654, 0.7886751346}) {
-        const double w = u1 < 1 ? w0 + t * (w1 - w0) : inverse(u0 + t * (u1 - u0));
-        const double density =
-            u1 < 1 ? (w1 - w0) / 2
-                   : (u1 - u0) / 2 * -e / std::max(1e-300, static_cast<double>(kappa)) * std::exp(kappa * w);
-        const double weight = kappa > 1e-6f ? density : (w1 - w0) / 2;
-        const double sin_theta = std::sqrt(std::max(0.0, w * (2 - w)));
-        for (int k = 0; k < kSectors * kFine; ++k) {
-          const double phi = 2 * kPi * (k + 0.5) / (kSectors * kFine);
-          const glm::dvec3 local{sin_theta * std::cos(phi), sin_theta * std::sin(phi), 1 - w};
-          const double mass =
-              pdf(frame.ToWorld(glm::vec3(local))) * weight * 2 * kPi / (kSectors * kFine) * count;
-          expected[ring * kSectors + k / kFine] += mass;
-          total += mass;
-        }
-      }
+  for (int i = 0; i < kRings * kFineRings; ++i) {
+    const double t = (i + 0.5) / (kRings * kFineRings), w = w0 * std::expm1(t * range);
+    const double strip =
+        (w + w0) * range / (kRings * kFineRings) * 2 * kPi / (kSectors * kFineSectors) * count;
+    const double sin_theta = std::sqrt(std::max(0.0, w * (2 - w)));
+    for (int j = 0; j < kSectors * kFineSectors; ++j) {
+      const double phi = 2 * kPi * (j + 0.5) / (kSectors * kFineSectors);
+      const glm::dvec3 local{sin_theta * std::cos(phi), sin_theta * std::sin(phi), 1 - w};
+      const double mass = strip * pdf(frame.ToWorld(glm::vec3(local)));
+      expected[i / kFineRings * kSectors + j / kFineSectors] += mass;
+      total += mass;
     }
+  }
   expected.back() = std::max(0.0, count - total);
   double statistic = 0, pooled_observed = 0, pooled_expected = 0;
   int cells = 0;
