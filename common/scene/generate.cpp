@@ -32,6 +32,8 @@ Material Metal(const std::string& name, const glm::vec3& color, float roughness,
   if (options.exponent > 0) {
     material.model = MaterialModel::kPhong;
     material.exponent = options.exponent;
+    material.roughness =
+        std::pow(2 / (options.exponent + 2), 0.25f);  // about as wide, for programs that know no Phong
     material.specular = 0.9f * color;
   }
   return material;
@@ -190,7 +192,7 @@ Scene MakeTeapot(const GenerateOptions& options) {
   handle.Add(builder, handle.area() * density, silver);
   spout.Add(builder, spout.area() * density, silver);
   body.Add(builder, double(options.vertices) - builder.vertex_count(), silver);
-  return builder.Finish(LookAt({1.5f, 1.55f, 2.9f}, {0.03f, 0.47f, 0}, 30));
+  return builder.Finish(LookAt({1.6f, 1.65f, 3.2f}, {0.06f, 0.46f, 0}, 34));
 }
 
 // A goblet: foot, stem, bowl with a wall, hollow; one closed surface. Scaled in radius and height.
@@ -252,7 +254,7 @@ Scene MakeKnot(const GenerateOptions& options) {
     rings.push_back({center, a, glm::cross(tangent, a), kTube});
   }
   builder.AddTube(rings, columns, true, brass);
-  return builder.Finish(LookAt({1.35f, 1.9f, 2.2f}, {0, 0.33f, 0}, 34));
+  return builder.Finish(LookAt({1.5f, 2.1f, 2.5f}, {0, 0.36f, 0}, 35));
 }
 
 // Cube faces a side for about this many vertices.
