@@ -143,7 +143,8 @@ class PathTracer {
       const bool counts = bounce >= options_.first_bounce;
       const bool last = bounce == options_.bounces;
       const int pair = 1 + kPairsPerVertex * bounce;
-      if (counts) radiance += beta * LightFromEnvironmentSample(vertex, samples.Point(pair, sample));
+      if (counts && options_.environment_sampling)
+        radiance += beta * LightFromEnvironmentSample(vertex, samples.Point(pair, sample));
 
       const BrdfSample scattered =
           vertex.Sample(samples.Point(pair + 1, sample).x, samples.Point(pair + 2, sample));
@@ -176,7 +177,8 @@ class PathTracer {
 
   /// Light along a BRDF sample that nothing blocks, times its share of the balance heuristic.
   glm::vec3 LightFromBrdfSample(const glm::vec3& wi, float pdf) const {
-    return environment_.Radiance(wi) * BalanceWeight(pdf, environment_.Pdf(wi));
+    const float share = options_.environment_sampling ? BalanceWeight(pdf, environment_.Pdf(wi)) : 1.0f;
+    return environment_.Radiance(wi) * share;
   }
 
   Ray RayFrom(const PathVertex& vertex, const glm::vec3& wi) const {

@@ -13,6 +13,9 @@ struct ReferenceOptions {
   int samples = 64;      ///< paths per pixel, even; two independent halves give the noise estimate
   uint64_t seed = 1;
   bool lobes = false;  ///< trace with the bake's fitted lobes instead of the true BRDF
+  /// Off: BRDF samples alone find the light. The same picture with more noise, for checking the tracer
+  /// itself.
+  bool environment_sampling = true;
   int threads = 0;
 };
 
