@@ -1,0 +1,187 @@
+// The program as a user or a script meets it: words, exit codes, what goes to which stream, the whole way.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "tests/base/process.h"
+#include "tests/base/temp_folder.h"
+
+namespace glint {
+namespace {
+
+ProcessResult Glint(std::vector<std::string> words, const std::vector<std::string>& environment = {}) {
+  words.insert(words.begin(), GLINT_PROGRAM);
+  return RunProcess(words, environment);
+}
+
+bool Contains(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+std::string ReadText(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+const char* const kCommands[] = {"bake",    "render", "reference", "compare",
+                                 "inspect", "verify", "scene",     "environment"};
+
+TEST(ToolsHelpTest, HelpShowsCommandsExamplesAndExitCodes) {
+  const ProcessResult result = Glint({"--help"});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_EQ(result.err, "");
+  for (const char* command : kCommands) EXPECT_TRUE(Contains(result.out, command)) << command;
+  EXPECT_TRUE(Contains(result.out, "Examples:")) << result.out;
+  EXPECT_TRUE(Contains(result.out, "Exit codes:")) << result.out;
+}
+
+TEST(ToolsHelpTest, EveryCommandHasHelpWithExamples) {
+  for (const char* command : kCommands) {
+    const ProcessResult result = Glint({command, "--help"});
+    EXPECT_EQ(result.exit_code, 0) << command;
+    EXPECT_TRUE(Contains(result.out, "Examples:\n  glint " + std::string(command))) << result.out;
+    for (const char* word : {"--threads", "--quiet", "--json"})
+      EXPECT_TRUE(Contains(result.out, word)) << command;
+  }
+}
+
+TEST(ToolsHelpTest, VersionIsOneLine) {
+  const ProcessResult result = Glint({"--version"});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_EQ(result.out, "glint " GLINT_VERSION "\n");
+}
+
+TEST(ToolsExitCodeTest, WrongWordsAreUsage) {
+  const TempFolder folder;
+  const std::string out = (folder / "x.exr").string();
+  const std::vector<std::vector<std::string>> wrong{
+      {},
+      {"polish"},
+      {"--no-such-word"},
+      {"verify", "--no-such-word"},
+      {"verify"},
+      {"render", "a.glint"},
+      {"render", "a.glint", "-o", out, "--size", "10"},
+      {"render", "a.glint", "-o", out, "--size", "0x10"},
+      {"render", "a.glint", "-o", out, "--eye", "1,2"},
+      {"render", "a.glint", "-o", out, "--eye", "1,2,nan"},
+      {"render", "a.glint", "-o", out, "--look-at", "1,2,3"},
+      {"render", "a.glint", "-o", out, "--camera", "a", "--eye", "1,2,3"},
+      {"render", "a.glint", "-o", out, "--layer", "1", "--layers", "2"},
+      {"render", "a.glint", "-o", out, "--background", "blue"},
+      {"render", "a.glint", "-o", out, "--tone", "filmic"},
+      {"render", "a.glint", "-o", (folder / "x.jpg").string()},
+      {"render", "a.glint", "-o", (folder / "absent/x.png").string()},
+      {"reference", "a.glb", "-o", out, "--spp", "3"},
+      {"reference", "a.glb", "-o", out, "--bounces", "-1"},
+      {"reference", "a.glb", "-o", out, "--brdf", "other"},
+      {"bake", "a.glb", "-o", (folder / "a.glint").string(), "--directions", "643"},
+      {"bake", "a.glb", "-o", out},
+      {"scene", "no-such-scene", "-o", (folder / "a.glb").string()},
+      {"scene", "teapot"},
+      {"scene"},
+      {"environment", "no-such-sky", "-o", out},
+  };
+  for (const auto& words : wrong) {
+    const ProcessResult result = Glint(words);
+    std::string line = "glint";
+    for (const std::string& word : words) line += " " + word;
+    EXPECT_EQ(result.exit_code, 2) << line << "\n" << result.err;
+    EXPECT_EQ(result.out, "") << line;
+    EXPECT_EQ(result.err.rfind("error: ", 0), 0u) << result.err;
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+  }
+  EXPECT_EQ(folder.FileCount(), 0u);
+}
+
+TEST(ToolsExitCodeTest, MissingAndDamagedFilesAreBadInput) {
+  const TempFolder folder;
+  const std::string absent = (folder / "absent").string(), bad = (folder / "bad").string();
+  const std::string out = (folder / "x.exr").string(), archive = (folder / "x.glint").string();
+  std::ofstream(bad) << "this is neither a scene nor an archive nor a picture";
+  for (const std::string& file : {absent, bad}) {
+    const std::vector<std::vector<std::string>> commands{{"verify", file},
+                                                         {"inspect", file},
+                                                         {"render", file, "-o", out},
+                                                         {"reference", file, "-o", out},
+                                                         {"compare", file, file},
+                                                         {"bake", file, "-o", archive}};
+    for (const auto& words : commands) {
+      const ProcessResult result = Glint(words);
+      EXPECT_EQ(result.exit_code, 3) << words[0] << " " << file << "\n" << result.err;
+      EXPECT_TRUE(Contains(result.err, file)) << result.err;
+    }
+  }
+}
+
+TEST(ToolsListTest, ScenesAndSkiesAreListed) {
+  EXPECT_TRUE(Contains(Glint({"scene", "--list"}).out, "teapot "));
+  const auto scenes = nlohmann::json::parse(Glint({"scene", "--list", "--json"}).out);
+  EXPECT_GE(scenes.size(), 7u);
+  EXPECT_TRUE(Contains(Glint({"environment", "--list"}).out, "sunset"));
+}
+
+TEST(ToolsListTest, EveryListedSkyCanBeWritten) {
+  const TempFolder folder;
+  for (const auto& sky : nlohmann::json::parse(Glint({"environment", "--list", "--json"}).out)) {
+    const std::string out = (folder / (sky["name"].get<std::string>() + ".exr")).string();
+    EXPECT_EQ(Glint({"environment", sky["name"], "--width", "32", "-o", out}).exit_code, 0) << sky;
+    EXPECT_TRUE(std::filesystem::exists(out));
+  }
+}
+
+// One small bake, looked at with every command.
+TEST(ToolsWholeWayTest, SceneToArchiveToPicture) {
+  const TempFolder folder;
+  const std::string scene = (folder / "planes.glb").string(), archive = (folder / "planes.glint").string();
+  const std::string picture = (folder / "planes.exr").string(), truth = (folder / "truth.exr").string();
+
+  ASSERT_EQ(Glint({"scene", "planes", "--vertices", "200", "--exponent", "32", "-o", scene}).exit_code, 0);
+  const ProcessResult bake =
+      Glint({"bake", scene, "-o", archive, "--directions", "42", "--layers", "1", "--json"}, {"NO_COLOR=1"});
+  ASSERT_EQ(bake.exit_code, 0) << bake.err;
+  EXPECT_EQ(nlohmann::json::parse(bake.out)["directions"], 42);
+  EXPECT_EQ(bake.err.find('\033'), std::string::npos) << "no animation off a terminal";
+  EXPECT_FALSE(std::filesystem::exists(archive + ".work"));
+
+  EXPECT_EQ(Glint({"verify", archive}).exit_code, 0);
+  const auto inspected = nlohmann::json::parse(Glint({"inspect", archive, "--json"}).out);
+  EXPECT_EQ(inspected["directions"], 42);
+  EXPECT_EQ(inspected["layers"].size(), 2u);
+  EXPECT_TRUE(inspected["report"].contains("seconds_by_stage"));
+  EXPECT_TRUE(Contains(Glint({"inspect", archive}).out, "specular lobe 0"));
+
+  const std::vector<std::string> view{"--camera", "main", "--size", "48x32"};
+  const auto with_view = [&view](std::vector<std::string> words) {
+    words.insert(words.end(), view.begin(), view.end());
+    return words;
+  };
+  const ProcessResult render = Glint(with_view({"render", archive, "-o", picture, "--per-layer", "--quiet"}));
+  ASSERT_EQ(render.exit_code, 0) << render.err;
+  EXPECT_EQ(render.err, "");
+  EXPECT_TRUE(std::filesystem::exists(folder / "planes.layer0.exr"));
+  EXPECT_TRUE(std::filesystem::exists(folder / "planes.layer1.exr"));
+  EXPECT_EQ(Glint(with_view({"render", archive, "-o", picture, "--layer", "7"})).exit_code, 2);
+  EXPECT_EQ(Glint({"render", archive, "-o", picture, "--camera", "absent"}).exit_code, 2);
+  EXPECT_EQ(Glint({"render", archive, "-o", picture, "--env", (folder / "no.exr").string()}).exit_code, 3);
+
+  ASSERT_EQ(Glint(with_view({"reference", scene, "-o", truth, "--bounces", "1", "--spp", "16"})).exit_code,
+            0);
+  EXPECT_GT(nlohmann::json::parse(ReadText(truth + ".json"))["noise_rel_mse"], 0.0);
+
+  const std::string difference = (folder / "difference.png").string();
+  const ProcessResult compare = Glint({"compare", picture, truth, "--diff", difference, "--json"});
+  EXPECT_EQ(compare.exit_code, 0) << compare.err;
+  EXPECT_GT(nlohmann::json::parse(compare.out)["rel_mse"], 0.0);
+  EXPECT_TRUE(std::filesystem::exists(difference));
+  EXPECT_EQ(Glint({"compare", picture, truth, "--max-rel-mse", "0"}).exit_code, 7);
+  EXPECT_EQ(Glint({"compare", truth, truth, "--max-rel-mse", "0"}).exit_code, 0);
+}
+
+}  // namespace
+}  // namespace glint
