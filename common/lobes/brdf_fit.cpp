@@ -152,11 +152,6 @@ void MeasureSlice(const SliceQuadrature& slice, const SliceMixture& m, double sh
 
 }  // namespace
 
-float ElevationNode(int i) {
-  const float t = static_cast<float>(i) / (kElevationNodes - 1);
-  return std::max(kMinCosine, t * t);
-}
-
 BrdfShape FitBrdfShape(BrdfModel model, float shape, const BrdfFitOptions& options) {
   std::vector<SliceQuadrature> slices;
   for (int i = 0; i < kElevationNodes; ++i)

@@ -11,22 +11,27 @@
 namespace glint {
 namespace {
 
+// Newton's square root, for tables made at compile time; x in [0, 1], converged well before the last round.
+constexpr double RootAtCompileTime(double x) {
+  double y = 1;
+  for (int i = 0; i < 60; ++i) y = 0.5 * (y + x / y);
+  return y;
+}
+
 // cos and sin of every node, so that a look-up needs no trigonometry.
 struct NodeAngles {
-  std::array<float, kElevationNodes> cos, sin;
+  std::array<float, kElevationNodes> cos{}, sin{};
 };
 
-const NodeAngles& Nodes() {
-  static const NodeAngles nodes = [] {
-    NodeAngles n;
-    for (int i = 0; i < kElevationNodes; ++i) {
-      n.cos[i] = ElevationNode(i);
-      n.sin[i] = std::sqrt((1 - n.cos[i]) * (1 + n.cos[i]));
-    }
-    return n;
-  }();
-  return nodes;
-}
+constexpr NodeAngles kNodes = [] {
+  NodeAngles n;
+  for (int i = 0; i < kElevationNodes; ++i) {
+    const double c = ElevationNode(i);
+    n.cos[i] = ElevationNode(i);
+    n.sin[i] = static_cast<float>(RootAtCompileTime((1 - c) * (1 + c)));
+  }
+  return n;
+}();
 
 // Node below cos_o and the way to the next, in [0, 1].
 struct NodePosition {
@@ -34,9 +39,9 @@ struct NodePosition {
   float t;
 };
 
-NodePosition FindNode(float cos_o, const NodeAngles& nodes) {
+NodePosition FindNode(float cos_o) {
   const int node = std::min(static_cast<int>(std::sqrt(cos_o) * (kElevationNodes - 1)), kElevationNodes - 2);
-  const float t = (cos_o - nodes.cos[node]) / (nodes.cos[node + 1] - nodes.cos[node]);
+  const float t = (cos_o - kNodes.cos[node]) / (kNodes.cos[node + 1] - kNodes.cos[node]);
   return {node, std::clamp(t, 0.0f, 1.0f)};
 }
 
@@ -113,36 +118,38 @@ ModelValue Evaluate(const LobeModel& m, const glm::vec3& wi) {
 }  // namespace
 
 BrdfSlice LookupSlice(const BrdfShape& shape, float cos_o) {
-  const NodeAngles& nodes = Nodes();
   const float c = std::clamp(cos_o, kMinCosine, 1.0f), s = std::sqrt((1 - c) * (1 + c));
-  const auto [node, t] = FindNode(c, nodes);
+  const auto [node, t] = FindNode(c);
   // Lobes follow the mirror direction: each node's are turned by the mirror's way from the node's elevation
   // to this one.
-  const float c0 = nodes.cos[node] * c + nodes.sin[node] * s, s0 = nodes.sin[node] * c - nodes.cos[node] * s;
-  const float c1 = nodes.cos[node + 1] * c + nodes.sin[node + 1] * s;
-  const float s1 = nodes.sin[node + 1] * c - nodes.cos[node + 1] * s;
+  const float c0 = kNodes.cos[node] * c + kNodes.sin[node] * s,
+              s0 = kNodes.sin[node] * c - kNodes.cos[node] * s;
+  const float c1 = kNodes.cos[node + 1] * c + kNodes.sin[node + 1] * s;
+  const float s1 = kNodes.sin[node + 1] * c - kNodes.cos[node + 1] * s;
   const float w0 = 1 - t, w1 = t;
+  const float wc0 = w0 * c0, ws0 = w0 * s0, wc1 = w1 * c1, ws1 = w1 * s1;
   const BrdfSlice &a = shape.slices[node], &b = shape.slices[node + 1];
   BrdfSlice out;
   out.lobes = shape.lobes;
   for (int k = 0; k < shape.lobes; ++k) {
     const BrdfLobe &p = a.lobe[k], &q = b.lobe[k];
-    const float x = w0 * (c0 * p.mu_x + s0 * p.mu_z) + w1 * (c1 * q.mu_x + s1 * q.mu_z);
-    const float z = w0 * (c0 * p.mu_z - s0 * p.mu_x) + w1 * (c1 * q.mu_z - s1 * q.mu_x);
+    BrdfLobe& lobe = out.lobe[k];
+    const float x = (wc0 * p.mu_x + ws0 * p.mu_z) + (wc1 * q.mu_x + ws1 * q.mu_z);
+    const float z = (wc0 * p.mu_z - ws0 * p.mu_x) + (wc1 * q.mu_z - ws1 * q.mu_x);
     const float inverse = 1 / std::sqrt(x * x + z * z);
-    out.lobe[k] = {x * inverse,
-                   z * inverse,
-                   w0 * p.kappa + w1 * q.kappa,
-                   w0 * p.scale + w1 * q.scale,
-                   w0 * p.bias + w1 * q.bias,
-                   w0 * p.above + w1 * q.above};
+    lobe.mu_x = x * inverse;
+    lobe.mu_z = z * inverse;
+    lobe.kappa = w0 * p.kappa + w1 * q.kappa;
+    lobe.scale = w0 * p.scale + w1 * q.scale;
+    lobe.bias = w0 * p.bias + w1 * q.bias;
+    lobe.above = w0 * p.above + w1 * q.above;
   }
   return out;
 }
 
 glm::vec3 DiffuseAlbedo(const Brdf& brdf, float cos_o) {
   if (brdf.model != BrdfModel::kGgx) return brdf.diffuse;
-  const auto [node, t] = FindNode(std::clamp(cos_o, kMinCosine, 1.0f), Nodes());
+  const auto [node, t] = FindNode(std::clamp(cos_o, kMinCosine, 1.0f));
   const auto& table = TransmissionTable();
   return brdf.diffuse * (glm::vec3(1) - brdf.specular) * ((1 - t) * table[node] + t * table[node + 1]);
 }

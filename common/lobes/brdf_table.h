@@ -17,7 +17,10 @@ inline constexpr float kMinCosine = 1.0f / 4096;  ///< views closer to the horiz
 
 /// cos_o of node i, max(kMinCosine, (i / (kElevationNodes - 1))^2): finer towards the horizon, where slices
 /// change fastest and lose half of themselves under the surface. Its inverse is a square root.
-float ElevationNode(int i);
+constexpr float ElevationNode(int i) {
+  const float t = static_cast<float>(i) / (kElevationNodes - 1);
+  return t * t > kMinCosine ? t * t : kMinCosine;
+}
 
 /// One lobe of a BRDF slice in the plane of incidence: local frame with wo = (sin, 0, cos), so the mirror
 /// direction has negative x.
