@@ -154,11 +154,13 @@ void MeasureSlice(const SliceQuadrature& slice, const SliceMixture& m, double sh
 
 BrdfShape FitBrdfShape(BrdfModel model, float shape, const BrdfFitOptions& options) {
   std::vector<SliceQuadrature> slices;
+  slices.reserve(kElevationNodes);
   for (int i = 0; i < kElevationNodes; ++i)
     slices.push_back(MakeSliceQuadrature(model, shape, NodeCosine(i)));
   const int lobes = ChooseLobes(slices, options);
   const std::vector<SliceMixture> fits = FitElevations(slices, lobes, 1);
   BrdfShape result{model, shape, lobes, {}, {}};
+  result.slices.reserve(kElevationNodes);
   for (int i = 0; i < kElevationNodes; ++i) {
     result.slices.push_back(ToSlice(model, slices[i], fits[i]));
     MeasureSlice(slices[i], fits[i], NodeShare(i), result.slices.back(), result.error);
