@@ -12,9 +12,9 @@ namespace {
 /// Texels along either side of a leaf, and of a bright block.
 constexpr int kLeaf = 8, kBrightBlock = 4;
 constexpr size_t kMaxBright = 8;
-constexpr float kBrightShare = 0.005f;
+constexpr float kBrightShare = 0.001f;
 /// Coarse maps are resampled first, so that leaves are small: at least this many texels.
-constexpr int kMinWidth = 512, kMinHeight = 256;
+constexpr int kMinWidth = 1024, kMinHeight = 512;
 constexpr int kMaxDepth = 64;
 
 }  // namespace

@@ -32,7 +32,7 @@ class IrradianceTree {
 
   /// integral of L(s) max(0, n.s) / pi ds without the bright blocks; n unit.
   glm::vec3 DimAverage(const glm::vec3& n) const;
-  /// Blocks of 4 x 4 texels that each hold at least 1/2 percent of all light; at most 8, the brightest first.
+  /// Blocks of 4 x 4 texels that each hold at least 1/1000 of all light; at most 8, the brightest first.
   const std::vector<IrradianceMoment>& bright() const { return bright_; }
 
  private:

@@ -31,52 +31,50 @@ inline glm::vec3 DirectionFromOctahedral(const glm::vec2& p) {
   return glm::normalize(d);
 }
 
-/// RGB over the sphere: side x side texels with centres at (i + 0.5) / side of [-1, 1], read bilinearly. One
-/// ring of texels around it repeats what the fold puts beyond the edge, so that a look-up needs no wrapping.
+/// RGB over the sphere: (side + 1)^2 nodes, side even, the outermost on the edge of [-1, 1]^2, linear on
+/// triangles that do not cross an edge of the octahedron. The map has a kink at all of these edges (the
+/// equator, and where the fold meets itself): bilinear cells across them would err by the first power of
+/// their width instead of the second.
 class OctahedralMap {
  public:
-  explicit OctahedralMap(int side = 0) : side_(side), texels_(size_t(side + 2) * (side + 2)) {}
+  explicit OctahedralMap(int side = 0) : side_(side), nodes_(size_t(side + 1) * (side + 1)) {}
 
   int side() const { return side_; }
-  glm::vec3 TexelDirection(int x, int y) const {
+  /// x and y in [0, side].
+  glm::vec3 NodeDirection(int x, int y) const {
     const float scale = 2.0f / static_cast<float>(side_);
-    return DirectionFromOctahedral(
-        {(static_cast<float>(x) + 0.5f) * scale - 1, (static_cast<float>(y) + 0.5f) * scale - 1});
+    return DirectionFromOctahedral({static_cast<float>(x) * scale - 1, static_cast<float>(y) * scale - 1});
   }
-  /// Texel of the map itself, x and y in [0, side).
-  glm::vec4& at(int x, int y) { return texels_[size_t(y + 1) * (side_ + 2) + x + 1]; }
+  glm::vec4& at(int x, int y) { return nodes_[size_t(y) * (side_ + 1) + x]; }
 
-  /// Fills the ring; call after the texels are set.
-  void WrapBorder() {
-    const int n = side_;
-    for (int i = 0; i < n; ++i) {
-      at(i, -1) = at(n - 1 - i, 0);
-      at(i, n) = at(n - 1 - i, n - 1);
-      at(-1, i) = at(0, n - 1 - i);
-      at(n, i) = at(n - 1, n - 1 - i);
-    }
-    at(-1, -1) = at(n - 1, n - 1);
-    at(n, n) = at(0, 0);
-    at(-1, n) = at(n - 1, 0);
-    at(n, -1) = at(0, n - 1);
-  }
-
-  /// Bilinear value at a position of OctahedralFromDirection.
-  Float4 Bilinear(const glm::vec2& p) const {
+  /// Value at a position of OctahedralFromDirection.
+  Float4 Interpolated(const glm::vec2& p) const {
     const float half = 0.5f * static_cast<float>(side_);
-    const float x = p.x * half + half + 0.5f, y = p.y * half + half + 0.5f;  // in [0.5, side + 0.5]
-    const int ix = static_cast<int>(x), iy = static_cast<int>(y);
-    const float fx = x - static_cast<float>(ix), fy = y - static_cast<float>(iy);
-    const glm::vec4* row = &texels_[size_t(iy) * (side_ + 2) + ix];
-    const glm::vec4* next = row + side_ + 2;
-    const Float4 a = LoadFloat4(row[0]) * (1 - fx) + LoadFloat4(row[1]) * fx;
-    const Float4 b = LoadFloat4(next[0]) * (1 - fx) + LoadFloat4(next[1]) * fx;
-    return a * (1 - fy) + b * fy;
+    const float x = p.x * half + half, y = p.y * half + half;
+    const int ix = std::min(static_cast<int>(x), side_ - 1), iy = std::min(static_cast<int>(y), side_ - 1);
+    float fx = x - static_cast<float>(ix), fy = y - static_cast<float>(iy);
+    // The corner that the triangle's legs leave from, and the steps along them. Cells are cut along the
+    // diagonal that runs with the octahedron's edge of their quadrant.
+    std::ptrdiff_t dx = 1, dy = side_ + 1, corner = iy * dy + ix;
+    if ((2 * ix < side_) != (2 * iy < side_)) {
+      corner += dx;
+      dx = -dx;
+      fx = 1 - fx;
+    }
+    if (fx + fy > 1) {
+      corner += dx + dy;
+      dx = -dx;
+      dy = -dy;
+      fx = 1 - fx;
+      fy = 1 - fy;
+    }
+    const glm::vec4* node = &nodes_[static_cast<size_t>(corner)];
+    return LoadFloat4(node[0]) * (1 - fx - fy) + LoadFloat4(node[dx]) * fx + LoadFloat4(node[dy]) * fy;
   }
 
  private:
   int side_;
-  std::vector<glm::vec4> texels_;
+  std::vector<glm::vec4> nodes_;
 };
 
 }  // namespace glint
