@@ -106,7 +106,7 @@ void FillMesh(const BakeDomain& domain, draco::Mesh* mesh) {
   for (uint32_t f = 0; f < domain.triangles.size(); ++f) {
     const auto& t = domain.triangles[f];
     mesh->SetFace(draco::FaceIndex(f),
-                 {draco::PointIndex(t[0]), draco::PointIndex(t[1]), draco::PointIndex(t[2])});
+                  {draco::PointIndex(t[0]), draco::PointIndex(t[1]), draco::PointIndex(t[2])});
   }
 }
 
@@ -174,7 +174,10 @@ void VisitLobe(Lobe& lobe, const Visit& visit) {
   visit(lobe.kappa);
   visit(lobe.scale);
   visit(lobe.bias);
+  visit(lobe.above);
 }
+static_assert(sizeof(BrdfLobe) == 6 * sizeof(float) && sizeof(BrdfFitError) == 4 * sizeof(float),
+              "a field was added: store it, and raise kVersion");
 
 template <class Error, class Visit>
 void VisitError(Error& error, const Visit& visit) {
@@ -193,7 +196,8 @@ Status DecodeSlice(int shape_lobes, ByteReader* in, BrdfSlice* slice) {
       field = in->Value<float>();
       finite = finite && std::isfinite(field);
     });
-    if (!finite || lobe.kappa < 0 || lobe.kappa > kMaxKappa) return BadInput("a lobe is out of range");
+    if (!finite || lobe.kappa < 0 || lobe.kappa > kMaxKappa || lobe.above < 0 || lobe.above > 1)
+      return BadInput("a lobe is out of range");
   }
   return {};
 }

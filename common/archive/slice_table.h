@@ -19,8 +19,9 @@ namespace glint {
 ///             their cache lines, so that O[i] + rank_i(j) is one rank over all of them and O is not stored.
 enum class TableForm : uint8_t { kClassic = 0, kCompact = 1 };
 
-/// The form that the bake writes: less memory and faster look-ups (tests/benchmark/table,
-/// docs/archive-format.md).
+/// The form that the bake writes: its index is some 30 times smaller, it is built 8 times faster, and H has
+/// no holes; a present entry that no cache holds costs one line more (docs/archive-format.md has the
+/// figures).
 inline constexpr TableForm kDefaultTableForm = TableForm::kCompact;
 
 static_assert(std::endian::native == std::endian::little, "tables are used in place and are little-endian");
@@ -43,9 +44,8 @@ inline T Load(const std::byte* p) {
   return value;
 }
 
-/// Set bits of a and b together. Bit arithmetic, because the baseline instruction set has no popcount and the
-/// library call that stands in for it costs more than the rest of a look-up; with the instruction it would
-/// save 1 ns.
+/// Set bits of a and b together. Bit arithmetic, because the baseline instruction set has no popcount, and
+/// the library call that stands in for it cannot be inlined.
 inline uint64_t CountPair(uint64_t a, uint64_t b) {
   constexpr uint64_t k5 = 0x5555555555555555u, k3 = 0x3333333333333333u, kF = 0x0F0F0F0F0F0F0F0Fu;
   a -= (a >> 1) & k5;

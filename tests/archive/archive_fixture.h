@@ -46,6 +46,7 @@ inline BrdfShape MakeShape(CounterRng* rng, BrdfModel model, int lobes) {
       slice.lobe[k].kappa = 100 * rng->Uniform();
       slice.lobe[k].scale = rng->Uniform();
       slice.lobe[k].bias = rng->Uniform();
+      slice.lobe[k].above = rng->Uniform();
     }
   }
   shape.error = {rng->Uniform(), rng->Uniform(), rng->Uniform(), rng->Uniform()};
