@@ -1,0 +1,78 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "common/scene/load.h"
+#include "tests/render/outside_references.h"
+
+namespace glint {
+namespace {
+
+constexpr int kFactor = 4;  // a quarter of the outside pictures' size: one pixel is one block of theirs
+constexpr int kSamples = 128;
+
+/// Against the exact tracer: what noise does not explain is at most as much again as the noise of both (a
+/// half difference has one degree of freedom a block and the errors have long tails: over seeds the excess
+/// was seen between -0.3 and 0.7 of the noise), and the means agree within 0.5 % (standard error of the mean
+/// at these samples: 0.15 %).
+void ExpectExactAgreement(const Agreement& agreement, const OutsidePicture& picture) {
+  const double noise = agreement.noise + picture.noise_block4_rel_mse;
+  EXPECT_GT(agreement.blocks, 5000u);
+  EXPECT_LT(agreement.rel_mse, 2 * noise) << picture.file;
+  EXPECT_NEAR(agreement.bias, 0, 0.005) << picture.file;
+}
+
+/// Cycles' means are lower or higher by its Fresnel curve, which scene.json states.
+void ExpectCyclesAgreement(const ReferenceResult& result, const OutsidePicture& picture,
+                           const OutsideView& view) {
+  if (picture.cycles_file.empty()) return;
+  Result<Agreement> agreement = CompareWithOutside(result, picture.cycles_file, view.mask);
+  ASSERT_TRUE(agreement.ok()) << agreement.status().message();
+  EXPECT_NEAR(agreement->bias, picture.cycles_fresnel_bias, 0.006) << picture.cycles_file;
+}
+
+void CheckView(const OutsideView& outside) {
+  Result<Scene> scene = LoadScene(outside.scene);
+  ASSERT_TRUE(scene.ok()) << scene.status().message();
+  Result<Environment> sky = Environment::Load(outside.environment);
+  ASSERT_TRUE(sky.ok()) << sky.status().message();
+  const RayScene rays(*scene);
+  View view;
+  view.camera = outside.camera;
+  view.width = outside.width / kFactor;
+  view.height = outside.height / kFactor;
+  for (const OutsidePicture& picture : outside.pictures) {
+    ReferenceOptions options;
+    options.bounces = picture.bounces;
+    options.samples = kSamples;
+    Result<ReferenceResult> result = RenderReference(*scene, rays, nullptr, *sky, view, options);
+    ASSERT_TRUE(result.ok()) << result.status().message();
+    Result<Agreement> agreement = CompareWithOutside(*result, picture.file, outside.mask);
+    ASSERT_TRUE(agreement.ok()) << agreement.status().message();
+    std::printf("  b%-2d relMSE %.2e, noise %.2e + %.2e, bias %+.3f%%\n", picture.bounces, agreement->rel_mse,
+                agreement->noise, picture.noise_block4_rel_mse, 100 * agreement->bias);
+    ExpectExactAgreement(*agreement, picture);
+    ExpectCyclesAgreement(*result, picture, outside);
+  }
+}
+
+void CheckScene(const std::string& scene) {
+  const auto data = FindSharedData();
+  if (!data) {
+    std::printf("  note: no outside references here (GLINT_SHARED_DATA); nothing to compare with\n");
+    return;
+  }
+  Result<std::vector<OutsideView>> views = LoadOutsideViews(*data, scene);
+  ASSERT_TRUE(views.ok()) << views.status().message();
+  EXPECT_FALSE(views->empty());
+  for (const OutsideView& view : *views) CheckView(view);
+}
+
+TEST(ReferenceAgreementTest, TeapotMatchesOutsidePathTracers) { CheckScene("teapot_plane"); }
+TEST(ReferenceAgreementTest, GobletsMatchOutsidePathTracers) { CheckScene("goblets"); }
+
+}  // namespace
+}  // namespace glint
