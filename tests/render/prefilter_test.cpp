@@ -46,9 +46,11 @@ glm::dvec3 Integrate(const Environment& environment, const glm::vec3& axis, int 
 }
 
 glm::dvec3 BruteForce(const Environment& environment, const glm::vec3& mu, double kappa) {
-  // Sub-samples less than half the lobe's standard deviation apart.
+  // Sub-samples less than half the lobe's standard deviation apart; one a texel would miss the bilinear
+  // filter's width.
   const double texel = kPi / environment.height();
-  const int sub = std::max(1, static_cast<int>(std::ceil(2 * texel * std::sqrt(kappa))));
+  const int sub =
+      std::max(environment.width() < 1024 ? 2 : 1, static_cast<int>(std::ceil(2 * texel * std::sqrt(kappa))));
   return Integrate(environment, mu, sub, kappa > 32 ? std::sqrt(36 / kappa) : 4, true,
                    [&](double one_minus_cosine) { return std::exp(-kappa * one_minus_cosine); });
 }
