@@ -5,12 +5,12 @@
 namespace glint {
 
 struct Comparison {
-  double rel_mse = 0;           ///< mean (t - r)^2 / (r^2 + eps^2), eps = 0.1 mean(r), over RGB of counted pixels
-  double mean_relative = 0;     ///< mean |t - r| / (r + eps)
-  double psnr_db = 0;           ///< after Reinhard and sRGB, peak 1
-  double flip = 0;              ///< mean LDR-FLIP (Andersson et al. 2020), 67 pixels per degree
+  double rel_mse = 0;  ///< mean (t - r)^2 / (r^2 + eps^2), eps = 0.1 mean(r), over RGB of counted pixels
+  double mean_relative = 0;  ///< mean |t - r| / (r + eps)
+  double psnr_db = 0;        ///< after Reinhard and sRGB, peak 1
+  double flip = 0;           ///< mean LDR-FLIP (Andersson et al. 2020), 67 pixels per degree
   double mean_test = 0, mean_reference = 0;
-  uint64_t pixels = 0;          ///< counted
+  uint64_t pixels = 0;  ///< counted
 };
 
 struct CompareOptions {

@@ -124,8 +124,8 @@ TEST(MetricsTest, DifferentSizesAreRefused) {
 }
 
 TEST(FlipTest, BlackAgainstWhiteIsNearlyOne) {
-  // Closed form: HyAB distance 100, against the largest, green to blue, of about 204: the redistribution gives
-  // 0.967.
+  // Closed form: HyAB distance 100, against the largest, green to blue, of about 204: the redistribution
+  // gives 0.967.
   EXPECT_NEAR(MeanFlip(Constant(40, 40, 0), Constant(40, 40, 1)), 0.967, 0.002);
 }
 
