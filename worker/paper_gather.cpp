@@ -61,14 +61,13 @@ class PaperGatherer : public Gatherer {
     if (cosine == 0 || (cosine < 0 && !input_.domain.double_sided[v])) return;
     const VertexSide side = surface_.side(v, cosine < 0);
     const UnoccludedSlice slice(input_.domain.shapes[input_.domain.shape[v]], side.normal, wo);
-    for (int k = 0; k < slice.slice.lobes; ++k) {
-      const float kappa = slice.slice.lobe[k].kappa;
-      const SliceLobe lobe{slice.mu[k], kappa, kappa};
+    for (int k = 0; k < slice.lobes.lobes; ++k) {
+      const Vmf drawn{slice.mu[k], slice.lobes.lobe[k].kappa};
       CounterRng rng(settings_.seed, v, column | (static_cast<uint32_t>(k) << 16),
                      static_cast<uint32_t>(layer));
-      Trace(side, &rng, fan, [&](float a, float b) { return SampleVmf({lobe.mu, lobe.kappa}, a, b); });
-      Merge(v, lobe, layer, previous, *fan, static_cast<uint16_t>(column), &result->slots[k],
-            &result->counters);
+      Trace(side, &rng, fan, [&](float a, float b) { return SampleVmf(drawn, a, b); });
+      Merge(v, {slice.seen_mu[k], slice.seen.lobe[k].kappa}, layer, previous, *fan,
+            static_cast<uint16_t>(column), &result->slots[k], &result->counters);
     }
   }
 
@@ -83,7 +82,7 @@ class PaperGatherer : public Gatherer {
         const float r = std::sqrt(a), phi = 2 * kPi * b;
         return frame.ToWorld({r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - a)});
       });
-      const SliceLobe lobe{side.normal, kCosineKappa, kCosineKappa};
+      const SliceLobe lobe{side.normal, kCosineKappa};
       Merge(v, lobe, layer, previous, *fan, static_cast<uint16_t>(s), &result->slots.back(),
             &result->counters);
     }

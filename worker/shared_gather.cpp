@@ -105,21 +105,23 @@ class SharedGatherer : public Gatherer {
     result->counters.slices += shape.lobes;
     if (!side.samples->any_blocked()) return;
     const UnoccludedSlice slice(shape, side.frame.n, wo);
-    for (int k = 0; k < slice.slice.lobes; ++k) {
-      const float kappa = slice.slice.lobe[k].kappa;
-      const SliceLobe lobe{slice.mu[k], kappa, std::min(kappa, side.max_kappa)};
-      const glm::vec3 local = side.frame.ToLocal(lobe.mu);
-      const float cosine = std::max(-1.0f, 1 - kCutoff / std::max(lobe.gather_kappa, 1.0f));
+    for (int k = 0; k < slice.lobes.lobes; ++k) {
+      const float kappa = std::min(slice.lobes.lobe[k].kappa, side.max_kappa);
+      const float resolution = kappa / std::max(slice.lobes.lobe[k].kappa, 1e-6f);
+      const SliceLobe lobe{slice.seen_mu[k], slice.seen.lobe[k].kappa, std::min(resolution, 1.0f)};
+      const glm::vec3 local = side.frame.ToLocal(slice.mu[k]);
+      const float cosine = std::max(-1.0f, 1 - kCutoff / std::max(kappa, 1.0f));
       const QueryCone cone{local.x, local.y, local.z, cosine, std::sqrt(1 - cosine * cosine)};
       uint16_t* tiles = scratch->tiles.data();
       if (kernels_.select_tiles(side.samples->blocked_cones(), cone, tiles) == 0) continue;
       const int count = kernels_.select_tiles(side.samples->cones(), cone, tiles);
-      const LobeWeight weight{local.x, local.y, local.z, lobe.gather_kappa * kLog2E};
+      const LobeWeight weight{local.x, local.y, local.z, kappa * kLog2E};
       const auto stored_column = static_cast<uint16_t>(column);
       if (layer == 0) {
         DirectSums sums;
         kernels_.direct_lobe(side.arrays, tiles, count, weight, &sums);
-        const DirectMoments moments = ToMoments(sums, side, lobe.mu, 1 - DeltaFromKappa(lobe.gather_kappa));
+        const DirectMoments moments =
+            ToMoments(sums, side, lobe.mu, 1 - DeltaFromKappa(lobe.resolved_kappa()));
         StoreDirect(FitDirect(lobe, moments, settings_.drop), stored_column, &result->slots[k]);
       } else {
         IndirectSums sums;
@@ -134,7 +136,7 @@ class SharedGatherer : public Gatherer {
     if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
     ++result->counters.slices;
     if (!side.samples->any_blocked()) return;
-    const SliceLobe lobe{side.frame.n, kCosineKappa, kCosineKappa};
+    const SliceLobe lobe{side.frame.n, kCosineKappa};
     BlockRows* rows = &result->slots.back();
     if (layer == 0) {
       DirectSums sums;

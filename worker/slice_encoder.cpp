@@ -21,7 +21,7 @@ struct MeanLobe {
 MeanLobe LobeFromMoment(const glm::dvec3& m, double weight, const SliceLobe& lobe) {
   const double length = glm::length(m);
   if (length <= 1e-12 * weight) return {lobe.mu, 0};
-  const double sharpest = 1.0 / (16.0 * std::max(lobe.gather_kappa, 0.0625f));
+  const double sharpest = 1.0 / (16.0 * std::max(lobe.resolved_kappa(), 0.0625f));
   const double delta = std::clamp(1 - length / weight, std::min(sharpest, 1.0), 1.0);
   return {glm::vec3(m / length), KappaFromDelta(static_cast<float>(delta))};
 }
@@ -33,11 +33,11 @@ std::optional<DirectLobe> FitDirect(const SliceLobe& lobe, const DirectMoments& 
   if (moments.visible <= drop) return DirectLobe{.fraction = 0};
   const MeanLobe mean = LobeFromMoment(moments.mean, moments.visible, lobe);
   // What the coarser gathering lobe lost on its edge is narrower in proportion on the real one.
-  const float narrowing = std::sqrt(lobe.gather_kappa / std::max(lobe.kappa, 1e-6f));
+  const float narrowing = std::sqrt(lobe.resolution);
   DirectLobe direct;
   direct.fraction = static_cast<float>(moments.visible);
-  direct.shift = glm::clamp((mean.mu - lobe.mu) * std::min(narrowing, 1.0f), glm::vec3(-2), glm::vec3(2));
-  direct.kappa_ratio = std::clamp(mean.kappa / std::max(lobe.gather_kappa, 1e-6f), 0x1p-20f, 0x1p20f);
+  direct.shift = glm::clamp((mean.mu - lobe.mu) * narrowing, glm::vec3(-2), glm::vec3(2));
+  direct.kappa_ratio = std::clamp(mean.kappa / std::max(lobe.resolved_kappa(), 1e-6f), 0x1p-20f, 0x1p20f);
   return direct;
 }
 

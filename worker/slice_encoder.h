@@ -10,12 +10,15 @@
 
 namespace glint {
 
-/// One BRDF lobe of a slice in world space, and the one that gathering weighs samples by: no sharper than the
-/// samples resolve.
+/// The unoccluded lobe that a stored one is relative to, as it is read out.
 struct SliceLobe {
-  glm::vec3 mu{0, 0, 1};
-  float kappa = 0;         ///< of the BRDF
-  float gather_kappa = 0;  ///< <= kappa
+  glm::vec3 mu{0, 0, 1};  ///< world
+  float kappa = 0;
+  /// Samples were weighed by a lobe that is this much broader, because they resolve no sharper one: its kappa
+  /// over the BRDF's, in (0, 1].
+  float resolution = 1;
+
+  float resolved_kappa() const { return kappa * resolution; }
 };
 
 /// Sums over a lobe's samples, relative to the sum of all their weights.

@@ -11,6 +11,7 @@
 
 #include "common/archive/lobe_codec.h"
 #include "common/base/frame.h"
+#include "common/lobes/horizon.h"
 
 namespace glint {
 namespace {
@@ -35,7 +36,7 @@ BrdfSlice BlendSlices(const BakeDomain& domain, const std::array<uint32_t, 3>& v
   BrdfSlice out;
   std::array<float, kMaxBrdfLobes> total{};
   std::array<float, kMaxBrdfLobes> log_kappa{};
-  for (auto& l : out.lobe) l = {0, 0, 0, 0, 0};
+  for (auto& l : out.lobe) l = {.mu_x = 0, .mu_z = 0, .above = 0};
   for (int i = 0; i < 3; ++i) {
     if (weight[i] <= 0) continue;
     const BrdfSlice slice = LookupSlice(domain.shapes[domain.shape[vertex[i]]], cos_o);
@@ -46,6 +47,7 @@ BrdfSlice BlendSlices(const BakeDomain& domain, const std::array<uint32_t, 3>& v
       l.mu_z += weight[i] * slice.lobe[k].mu_z;
       l.scale += weight[i] * slice.lobe[k].scale;
       l.bias += weight[i] * slice.lobe[k].bias;
+      l.above += weight[i] * slice.lobe[k].above;
       log_kappa[k] += weight[i] * std::log(std::max(slice.lobe[k].kappa, 1e-6f));
       total[k] += weight[i];
     }
@@ -55,6 +57,7 @@ BrdfSlice BlendSlices(const BakeDomain& domain, const std::array<uint32_t, 3>& v
     const float length = std::sqrt(l.mu_x * l.mu_x + l.mu_z * l.mu_z);
     if (length > 0) l.mu_x /= length, l.mu_z /= length;
     l.kappa = std::exp(log_kappa[k] / total[k]);
+    l.above /= total[k];
   }
   return out;
 }
@@ -75,20 +78,21 @@ DirectLobe InterpolateDirect(const SliceTableView& table, const std::array<uint3
   glm::vec3 shift(0);
   bool stored = false;
   for (int i = 0; i < 3; ++i) {
+    const SliceTableView::RowView row = table.Row(vertex[i]);
     for (int j = 0; j < kColumns; ++j) {
       const float w = weight[i * kColumns + j];
-      if (w <= 0) continue;
-      if (const std::byte* entry = table.Find(vertex[i], column[j])) {
-        const DirectLobe lobe = DecodeDirect(entry);
-        const float visible = w * lobe.fraction;
-        fraction += visible;
-        shift += visible * lobe.shift;
-        kappa_ratio += visible * lobe.kappa_ratio;
-        stored = true;
-      } else {
+      const std::byte* entry = row.empty() || w <= 0 ? nullptr : row.Find(column[j]);
+      if (!entry) {
         fraction += w;
         kappa_ratio += w;
+        continue;
       }
+      const DirectLobe lobe = DecodeDirect(entry);
+      const float visible = w * lobe.fraction;
+      fraction += visible;
+      shift += visible * lobe.shift;
+      kappa_ratio += visible * lobe.kappa_ratio;
+      stored = true;
     }
   }
   if (!stored) return {};
@@ -153,12 +157,15 @@ void InterpolateIndirect(const SliceTableView& table, const std::array<uint32_t,
                          const std::array<float, 3 * kColumns>& weight, const glm::vec3& scale,
                          LayerLobes* out) {
   CornerGroups groups;
-  for (int i = 0; i < 3; ++i)
+  for (int i = 0; i < 3; ++i) {
+    const SliceTableView::RowView row = table.Row(vertex[i]);
+    if (row.empty()) continue;
     for (int j = 0; j < kColumns; ++j) {
       const float w = weight[i * kColumns + j];
       if (w <= 0) continue;
-      if (const std::byte* entry = table.Find(vertex[i], column[j])) groups.Add(w, DecodeIndirect(entry));
+      if (const std::byte* entry = row.Find(column[j])) groups.Add(w, DecodeIndirect(entry));
     }
+  }
   groups.Emit(scale, out);
 }
 
@@ -201,8 +208,10 @@ void TransferReader::InterpolateReflectance(const std::array<float, 3>& barycent
   point->slice = one_shape ? LookupSlice(domain_.shapes[shape], point->cos_o)
                            : BlendSlices(domain_, v, barycentric, point->cos_o);
   const auto [tangent, normal] = IncidenceAxes(point->normal, point->wo);
-  for (int k = 0; k < point->slice.lobes; ++k)
+  for (int k = 0; k < point->slice.lobes; ++k) {
+    point->slice.lobe[k] = AboveHorizon(point->slice.lobe[k]);
     point->lobe_mu[k] = tangent * point->slice.lobe[k].mu_x + normal * point->slice.lobe[k].mu_z;
+  }
   point->diffuse_albedo = glm::vec3(0);
   if (point->diffuse.x + point->diffuse.y + point->diffuse.z > 0)
     point->diffuse_albedo = DiffuseAlbedo(

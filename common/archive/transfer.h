@@ -22,7 +22,7 @@ struct TransferPoint {
   float cos_o = 0;                    ///< normal . wo, > 0
   glm::vec3 specular{0}, diffuse{0};  ///< interpolated reflectance
   glm::vec3 diffuse_albedo{0};
-  BrdfSlice slice;                               ///< unoccluded lobes at cos_o
+  BrdfSlice slice;  ///< unoccluded lobes at cos_o, as AboveHorizon reads them out
   std::array<glm::vec3, kMaxBrdfLobes> lobe_mu;  ///< their directions, world
   std::array<uint32_t, 3> vertex{};
   std::array<uint32_t, 3> column{};  ///< grid directions around wo

@@ -207,8 +207,8 @@ class Contest {
       const glm::vec3& wo = grid_.direction(column);
       if (glm::dot(wo, domain_.normals[v]) <= 0) return;
       const UnoccludedSlice slice(domain_.shapes[domain_.shape[v]], domain_.normals[v], wo);
-      const int slot = static_cast<int>(rng.Bits() % static_cast<uint32_t>(slice.slice.lobes));
-      const Vmf brdf{slice.mu[slot], slice.slice.lobe[slot].kappa};
+      const int slot = static_cast<int>(rng.Bits() % static_cast<uint32_t>(slice.lobes.lobes));
+      const Vmf brdf{slice.seen_mu[slot], slice.seen.lobe[slot].kappa};
       const SliceValue truth = Evaluate(truth_.get(), v, column, slot, layer, views, brdf);
       const SliceValue a = Evaluate(shared_.get(), v, column, slot, layer, views, brdf);
       const SliceValue b = Evaluate(paper_.get(), v, column, slot, layer, views, brdf);
