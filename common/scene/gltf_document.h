@@ -1,7 +1,5 @@
 #pragma once
 
-#include <tiny_gltf.h>
-
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -12,6 +10,7 @@
 
 #include "common/base/status.h"
 #include "common/scene/load.h"
+#include "common/scene/tinygltf.h"
 
 namespace glint {
 
