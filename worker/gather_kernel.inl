@@ -25,12 +25,12 @@ inline Floats Exp2(Floats x) {
   x = x < -126.0f ? Splat(-126.0f) : x;
   const Floats shifted = x + 12582912.0f;
   const Floats f = x - (shifted - 12582912.0f);
-  Floats p = Splat(1.8775767e-3f);
-  p = p * f + 8.9893397e-3f;
-  p = p * f + 5.5826318e-2f;
-  p = p * f + 2.4015361e-1f;
-  p = p * f + 6.9315308e-1f;
-  p = p * f + 9.9999994e-1f;
+  Floats p = Splat(1.3390863e-03f);
+  p = p * f + 9.6760319e-03f;
+  p = p * f + 5.5503571e-02f;
+  p = p * f + 2.4022107e-01f;
+  p = p * f + 6.9314719e-01f;
+  p = p * f + 1.0000001e+00f;
   Ints bits, exponent;
   __builtin_memcpy(&bits, &p, sizeof bits);
   __builtin_memcpy(&exponent, &shifted, sizeof exponent);

@@ -109,12 +109,14 @@ void DirectionGrid::BuildLocator() {
   edge_normals_.resize(triangles_.size());
   for (uint32_t t = 0; t < triangles_.size(); ++t) {
     const auto& f = triangles_[t];
-    const glm::vec3 corner[3] = {directions_[f[0]], directions_[f[1]], directions_[f[2]]};
-    const float volume = glm::dot(corner[0], glm::cross(corner[1], corner[2]));
+    // In double precision: the corners of a fine triangle are nearly parallel.
+    const glm::dvec3 corner[3] = {glm::dvec3(directions_[f[0]]), glm::dvec3(directions_[f[1]]),
+                                  glm::dvec3(directions_[f[2]])};
+    const double volume = glm::dot(corner[0], glm::cross(corner[1], corner[2]));
     for (int i = 0; i < 3; ++i) {
       const int j = (i + 1) % 3, k = (i + 2) % 3;
       neighbours_[t][i] = face_of_edge.at({f[k], f[j]});
-      edge_normals_[t][i] = glm::cross(corner[j], corner[k]) / volume;
+      edge_normals_[t][i] = glm::vec3(glm::cross(corner[j], corner[k]) / volume);
     }
   }
   // Start the walk near the answer: for a grid of octahedral cells, the triangle at the cell's centre.
