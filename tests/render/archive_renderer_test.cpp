@@ -109,10 +109,9 @@ class ArchiveRendererTest : public ::testing::Test {
     return std::move(result).value();
   }
 
-  /// relMSE and relative difference of the means over fully covered pixels where view and normal are not
-  /// nearly at right angles: there a lobe reaches under the horizon, where the tracer cuts it and a filtered
-  /// look-up does not.
-  std::pair<double, double> Difference(const Picture& test, const ReferenceResult& truth) const {
+  /// relMSE and relative difference of the means over pixels with normal . wo > min_cos.
+  std::pair<double, double> Difference(const Picture& test, const ReferenceResult& truth,
+                                       float min_cos) const {
     const PrimaryRays primary(view_);
     double sum_test = 0, sum_truth = 0, square = 0;
     std::vector<std::pair<glm::vec4, glm::vec4>> counted;
@@ -121,7 +120,7 @@ class ArchiveRendererTest : public ::testing::Test {
         const glm::vec3 d = primary.Direction(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f);
         const float b = glm::dot(d, primary.eye());
         const float inside = b * b - glm::dot(primary.eye(), primary.eye()) + 1;  // sphere of radius 1
-        if (inside < 0.3f * 0.3f) continue;
+        if (inside < min_cos * min_cos) continue;
         counted.emplace_back(test.at(x, y), truth.picture.at(x, y));
         for (int c = 0; c < 3; ++c) sum_test += test.at(x, y)[c], sum_truth += truth.picture.at(x, y)[c];
       }
@@ -152,12 +151,16 @@ TEST_F(ArchiveRendererTest, SphereWithoutSlicesMatchesTracedLobes) {
     for (const float rotation : {0.0f, 110.0f}) {
       view_.environment_rotation_deg = rotation;
       const ReferenceResult truth = Reference(sky, 256);
-      const auto [rel_mse, bias] = Difference(Render(sky, {.samples = 4}), truth);
-      // Noise of the truth, and 4 % for interpolation between the ladder's widths and for lobes cut by the
-      // horizon.
-      EXPECT_LT(rel_mse, truth.noise_rel_mse + 0.04 * 0.04)
-          << "roughness " << roughness << ", turned " << rotation;
-      EXPECT_NEAR(bias, 0, 0.015) << "roughness " << roughness << ", turned " << rotation;
+      const Picture picture = Render(sky, {.samples = 4});
+      const std::string what =
+          "roughness " + std::to_string(roughness) + ", turned " + std::to_string(rotation);
+      // Noise of the truth, interpolation between the filter's widths, and what the horizon cuts: the tracer
+      // cuts lobes there, and the look-up takes a whole lobe in the cut one's place. Sharp lobes hardly feel
+      // that; of broad ones it was measured to move the mean by up to 4 %.
+      const bool sharp = roughness < 0.3f;
+      const auto [rel_mse, bias] = Difference(picture, truth, 0.3f);
+      EXPECT_LT(rel_mse, truth.noise_rel_mse + (sharp ? 0.04 * 0.04 : 0.08 * 0.08)) << what;
+      EXPECT_NEAR(bias, 0, sharp ? 0.015 : 0.05) << what;
     }
   }
 }
@@ -167,7 +170,7 @@ TEST_F(ArchiveRendererTest, MattSphereWithoutSlicesIsExactIrradiance) {
   AddDirectLayer(std::nullopt);
   const Environment sky = Sky("sunset");
   const ReferenceResult truth = Reference(sky, 256);
-  const auto [rel_mse, bias] = Difference(Render(sky, {.samples = 4}), truth);
+  const auto [rel_mse, bias] = Difference(Render(sky, {.samples = 4}), truth, 0.3f);
   EXPECT_LT(rel_mse, truth.noise_rel_mse + 0.02 * 0.02);
   EXPECT_NEAR(bias, 0, 0.01);
 }

@@ -12,7 +12,7 @@ namespace glint {
 namespace {
 
 constexpr int kFactor = 4;  // a quarter of the outside pictures' size: one pixel is one block of theirs
-constexpr int kSamples = 128;
+constexpr int kSamples = 64;
 
 /// Against the exact tracer: what noise does not explain is at most as much again as the noise of both (a
 /// half difference has one degree of freedom a block and the errors have long tails: over seeds the excess
