@@ -26,7 +26,9 @@ struct Ray {
 };
 
 /// The scene's triangles in an Embree BVH (robust mode). Immutable and safe to share between threads. Rays
-/// hit both sides of a triangle; a direction need not be a unit vector.
+/// hit both sides of a triangle; a direction need not be a unit vector. A ray aimed to the last bit at an
+/// edge between coplanar triangles may slip through (Embree 3.13.5 with AVX2: about 3 in 10,000 of such rays;
+/// none in 100,000 random ones).
 class RayScene {
  public:
   /// Builds the tree. The order of primitives in it, and so which of two triangles a ray through their shared
