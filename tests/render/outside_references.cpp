@@ -1,5 +1,6 @@
 #include "tests/render/outside_references.h"
 
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <glm/geometric.hpp>
@@ -88,6 +89,7 @@ Agreement CompareBlocks(const Picture& test, const Picture& half_difference, con
     sum_reference += Mean(glm::dvec3(reference.pixels[i]));
   }
   if (agreement.blocks == 0) return agreement;
+  double variance = 0;
   const double epsilon = 0.1 * sum_reference / static_cast<double>(agreement.blocks);
   for (size_t i = 0; i < mask.pixels.size(); ++i) {
     if (mask.pixels[i].x < 0.999f) continue;
@@ -95,8 +97,10 @@ Agreement CompareBlocks(const Picture& test, const Picture& half_difference, con
     const glm::dvec3 scale = 1.0 / (r * r + epsilon * epsilon) / static_cast<double>(agreement.blocks);
     agreement.rel_mse += Mean((t - r) * (t - r) * scale);
     agreement.noise += Mean(d * d * scale);
+    variance += Mean(d) * Mean(d);
   }
   agreement.bias = sum_test / sum_reference - 1;
+  agreement.bias_error = std::sqrt(variance) / sum_reference;
   return agreement;
 }
 

@@ -42,7 +42,8 @@ struct Agreement {
   double rel_mse = 0;  ///< mean (t - r)^2 / (r^2 + eps^2), eps = 0.1 mean(r)
   double noise =
       0;  ///< part of rel_mse that the test's own noise makes, by its halves, with the same denominators
-  double bias = 0;  ///< mean(t) / mean(r) - 1
+  double bias_error = 0;  ///< standard error of `bias` from the test's own noise, by its halves
+  double bias = 0;        ///< mean(t) / mean(r) - 1
   size_t blocks = 0;
 };
 
