@@ -97,11 +97,9 @@ void AddAccuracyWords(CLI::App& app, BakeWords& words) {
       "No further layer once one carries less than this part of the light")
       ->check(CLI::Range(0.0f, 1.0f))
       ->type_name("X");
-  app.add_option("--gather", settings.method,
-                 "shared (default): one set of rays per vertex; paper: the 2011 scheme, for comparison")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, GatherMethod>{
-          {"shared", GatherMethod::kShared}, {"paper", GatherMethod::kPaper}}))
-      ->type_name("shared|paper")
+  AddChoice<GatherMethod>(
+      app, "--gather", settings.method, {{"shared", GatherMethod::kShared}, {"paper", GatherMethod::kPaper}},
+      "shared (default): one set of rays per vertex; paper: the 2011 scheme, for comparison")
       ->group("Accuracy and time");
   add("--rays-per-kappa", settings.rays_per_kappa,
       "shared: rays per vertex and unit of its sharpest lobe's kappa")
@@ -146,10 +144,9 @@ void AddMachineWords(CLI::App& app, BakeWords& words) {
   app.add_option("--directions-per-task", options.directions_per_task, "Size of tasks; 0: all directions")
       ->type_name("N")
       ->group(group);
-  app.add_option("--table", options.table_form, "Form of the tables: compact (default) or classic")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, TableForm>{{"compact", TableForm::kCompact},
-                                                                           {"classic", TableForm::kClassic}}))
-      ->type_name("compact|classic")
+  AddChoice<TableForm>(app, "--table", options.table_form,
+                       {{"compact", TableForm::kCompact}, {"classic", TableForm::kClassic}},
+                       "Form of the tables: compact (default) or classic")
       ->group(group);
 }
 

@@ -96,9 +96,8 @@ Command AddReferenceCommand(CLI::App& glint, CommonWords& common) {
       ->type_name("N")
       ->capture_default_str();
   app.add_option("--seed", options.seed, "Seed of the random numbers")->type_name("N")->capture_default_str();
-  app.add_option("--brdf", options.lobes, "BRDF: true (default), or the lobes that the bake fits to it")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, bool>{{"true", false}, {"lobes", true}}))
-      ->type_name("true|lobes");
+  AddChoice<bool>(app, "--brdf", options.lobes, {{"true", false}, {"lobes", true}},
+                  "BRDF: true (default), or the lobes that the bake fits to it");
   app.add_flag("--float", words->full_float, "Write EXR with 32 bits a channel (default: 16)");
   AddCommonWords(app, common);
   app.footer(

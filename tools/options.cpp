@@ -139,11 +139,9 @@ void AddViewWords(CLI::App& app, ViewWords& words) {
       ->check(CLI::Range(-1e6f, 1e6f))
       ->type_name("DEG")
       ->group("View");
-  app.add_option("--background", words.background,
-                 "What shows where nothing is hit: none (black, alpha 0), environment")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, Background>{
-          {"none", Background::kBlack}, {"environment", Background::kEnvironment}}))
-      ->type_name("none|environment")
+  AddChoice<Background>(app, "--background", words.background,
+                        {{"none", Background::kBlack}, {"environment", Background::kEnvironment}},
+                        "What shows where nothing is hit: none (black, alpha 0), environment")
       ->group("View");
 }
 
@@ -153,9 +151,8 @@ void AddToneWords(CLI::App& app, ToneMap& tone) {
       ->check(CLI::Range(1e-6f, 1e6f))
       ->type_name("X")
       ->group("Tone mapping");
-  app.add_option("--tone", tone.reinhard, "Tone curve: reinhard (default) or clamp")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, bool>{{"reinhard", true}, {"clamp", false}}))
-      ->type_name("reinhard|clamp")
+  AddChoice<bool>(app, "--tone", tone.reinhard, {{"reinhard", true}, {"clamp", false}},
+                  "Tone curve: reinhard (default) or clamp")
       ->group("Tone mapping");
 }
 

@@ -8,6 +8,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/status.h"
@@ -42,6 +43,23 @@ void AddCommonWords(CLI::App& app, CommonWords& words);
 void AddViewWords(CLI::App& app, ViewWords& words);
 /// `--exposure` and `--tone`: how PNG pictures (and what compares them) see radiance.
 void AddToneWords(CLI::App& app, ToneMap& tone);
+
+/// A word whose value is one of a few names; help shows them as "a|b".
+template <class T>
+CLI::Option* AddChoice(CLI::App& app, const std::string& word, T& value,
+                       const std::vector<std::pair<std::string, T>>& choices, const std::string& help) {
+  std::string names;
+  for (const auto& choice : choices) names += (names.empty() ? "" : "|") + choice.first;
+  const auto choose = [&value, word, choices, names](const std::string& text) {
+    for (const auto& [name, chosen] : choices) {
+      if (name != text) continue;
+      value = chosen;
+      return;
+    }
+    throw CLI::ValidationError(word, "'" + text + "' is not one of " + names);
+  };
+  return app.add_option_function<std::string>(word, choose, help)->type_name(names);
+}
 
 /// The view that the words ask for. Without a camera: the first of `cameras`; without any: one that frames
 /// `positions`. kUsage naming the word and the remedy.

@@ -141,7 +141,7 @@ TEST(ToolsWholeWayTest, SceneToArchiveToPicture) {
   const std::string scene = (folder / "planes.glb").string(), archive = (folder / "planes.glint").string();
   const std::string picture = (folder / "planes.exr").string(), truth = (folder / "truth.exr").string();
 
-  ASSERT_EQ(Glint({"scene", "planes", "--vertices", "200", "--exponent", "32", "-o", scene}).exit_code, 0);
+  ASSERT_EQ(Glint({"scene", "planes", "--vertices", "500", "--exponent", "32", "-o", scene}).exit_code, 0);
   const ProcessResult bake =
       Glint({"bake", scene, "-o", archive, "--directions", "42", "--layers", "1", "--json"}, {"NO_COLOR=1"});
   ASSERT_EQ(bake.exit_code, 0) << bake.err;
