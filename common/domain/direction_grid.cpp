@@ -145,7 +145,7 @@ uint32_t DirectionGrid::Walk(const glm::vec3& d, uint32_t triangle, float* weigh
     const auto& normals = edge_normals_[triangle];
     const float w[3] = {glm::dot(d, normals[0]), glm::dot(d, normals[1]), glm::dot(d, normals[2])};
     const int lowest = w[0] < w[1] ? (w[0] < w[2] ? 0 : 2) : (w[1] < w[2] ? 1 : 2);
-    if (w[lowest] >= -1e-6f) {
+    if (w[lowest] >= -2e-5f) {
       if (weights) std::copy(w, w + 3, weights);
       return triangle;
     }
