@@ -144,11 +144,29 @@ void HemisphereSamples::AddSample(const glm::vec3& direction, float solid_angle,
   blocked_.push_back(outcome == Outcome::kHit ? 1.0f : 0.0f);
 }
 
+void HemisphereSamples::AddQuad(const HitSet& hits, const HemisphereLattice& lattice, int first_cell,
+                                size_t* next_quarter) {
+  const auto first_hit = static_cast<uint32_t>(hit_sample_.size());
+  bool alike = true;
+  for (int c = first_cell; c < first_cell + 4; ++c) {
+    alike = alike && hits.outcome[c] == Outcome::kHit;
+    if (hits.outcome[c] != Outcome::kSplit) {
+      AddSample(lattice.direction(c), lattice.solid_angle(), hits.outcome[c]);
+      continue;
+    }
+    for (int q = 0; q < 4; ++q)
+      AddSample(lattice.quarter(c, q), 0.25f * lattice.solid_angle(), hits.outcome[(*next_quarter)++]);
+  }
+  inner_.resize(hit_sample_.size(), 0);
+  if (alike) inner_[first_hit + 1] = inner_[first_hit + 2] = 1;
+}
+
 void HemisphereSamples::Expand(const HitSet& hits, const HemisphereLattice& lattice) {
   for (auto* a : {&x_, &y_, &z_, &solid_angle_, &blocked_}) a->clear();
   tile_begin_.clear();
   tile_blocked_.clear();
   hit_sample_.clear();
+  inner_.clear();
   cone_arrays_.Clear();
   blocked_cone_arrays_.Clear();
   tiles_ = lattice.tiles();
@@ -156,14 +174,9 @@ void HemisphereSamples::Expand(const HitSet& hits, const HemisphereLattice& latt
   for (int tile = 0; tile < tiles_; ++tile) {
     tile_begin_.push_back(static_cast<uint32_t>(x_.size()));
     const size_t hits_before = hit_sample_.size();
-    for (int c = tile * HemisphereLattice::kTileCells; c < (tile + 1) * HemisphereLattice::kTileCells; ++c) {
-      if (hits.outcome[c] != Outcome::kSplit) {
-        AddSample(lattice.direction(c), lattice.solid_angle(), hits.outcome[c]);
-        continue;
-      }
-      for (int q = 0; q < 4; ++q)
-        AddSample(lattice.quarter(c, q), 0.25f * lattice.solid_angle(), hits.outcome[next_quarter++]);
-    }
+    const int first_cell = tile * HemisphereLattice::kTileCells;
+    for (int c = first_cell; c < first_cell + HemisphereLattice::kTileCells; c += 4)
+      AddQuad(hits, lattice, c, &next_quarter);
     while (x_.size() % kLanes != 0) AddSample({0, 0, 1}, 0, Outcome::kFree);
     const bool blocked = hit_sample_.size() > hits_before;
     tile_blocked_.push_back(blocked);
