@@ -104,12 +104,24 @@ DirectLobe InterpolateDirect(const SliceTableView& table, const std::array<uint3
 class CornerGroups {
  public:
   void Add(float weight, const IndirectLobe& lobe) {
-    Corner& c = corner_[count_++];
-    c = {weight, weight * Luminance(lobe.alpha), lobe};
+    const float strength = weight * Luminance(lobe.alpha);
+    corner_[count_++] = {weight, strength, lobe};
+    alpha_ += weight * lobe.alpha;
+    mu_ += strength * lobe.mu;
+    kappa_ += strength * lobe.kappa;
+    strength_ += strength;
   }
 
   /// Emits one lobe per group, strongest corner first; `scale` is the BRDF lobe's weight.
   void Emit(const glm::vec3& scale, LayerLobes* out) {
+    if (strength_ <= 0) return;
+    // 1 - |mean of mu| is the corners' mean 1 - cos from their common direction: mostly they are alike, which
+    // saves the comparing.
+    const float length = glm::length(mu_);
+    if ((strength_ - length) * kappa_ <= kAlike * strength_ * strength_ && length > 0) {
+      out->Add({alpha_ * scale, mu_ / length, kappa_ / strength_, false});
+      return;
+    }
     for (int group = 0; group < kMaxGroups && count_ > 0; ++group) {
       const bool last = group == kMaxGroups - 1;
       EmitGroup(scale, last, out);
@@ -117,6 +129,8 @@ class CornerGroups {
   }
 
  private:
+  static constexpr float kAlike = 0.5f;  ///< corners' rms angle is at most 1 / sqrt(kappa)
+
   struct Corner {
     float weight, strength;
     IndirectLobe lobe;
@@ -149,6 +163,8 @@ class CornerGroups {
 
   std::array<Corner, 9> corner_;
   int count_ = 0;
+  glm::vec3 alpha_{0}, mu_{0};  ///< sums over all corners
+  float kappa_ = 0, strength_ = 0;
 };
 
 template <int kColumns>
