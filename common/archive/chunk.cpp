@@ -37,11 +37,12 @@ Status Damaged(const std::string& what) {
   return BadInput("chunk is damaged (" + what + "); it has to be computed again");
 }
 
-Status CheckRows(const BlockRows& rows, uint32_t column_end) {
+Status CheckRows(const BlockRows& rows, uint32_t column_begin, uint32_t column_end) {
   size_t next = 0;
   for (const uint16_t count : rows.counts) {
     for (uint16_t i = 0; i < count; ++i, ++next) {
-      if (rows.columns[next] >= column_end) return Damaged("column out of range");
+      if (rows.columns[next] < column_begin || rows.columns[next] >= column_end)
+        return Damaged("column out of range");
       if (i > 0 && rows.columns[next] <= rows.columns[next - 1]) return Damaged("columns not ascending");
     }
   }
@@ -78,8 +79,11 @@ Result<BlockResult> ParseBlock(std::span<const std::byte> bytes, const GatherBlo
   for (uint32_t slot = 0; slot < slots; ++slot) {
     uint32_t sizes[2] = {};
     if (!reader.Read(sizes, 2)) return Damaged("too short");
-    // The view-independent table exists only in the block with column 0, and elsewhere has no rows.
-    if (sizes[0] != block.vertices && sizes[0] != 0) return Damaged("number of rows");
+    // The view-independent table, one column a side, goes with the block that has column 0; elsewhere it has
+    // no rows.
+    const bool diffuse = slot + 1 == slots;
+    const uint32_t rows_expected = diffuse && block.first_column > 0 ? 0 : block.vertices;
+    if (sizes[0] != rows_expected) return Damaged("number of rows");
     if (uint64_t{sizes[1]} * (entry_bytes + 2) > reader.left()) return Damaged("too short");
     BlockRows rows;
     rows.counts.resize(sizes[0]);
@@ -91,7 +95,8 @@ Result<BlockResult> ParseBlock(std::span<const std::byte> bytes, const GatherBlo
       return Damaged("too short");
     const uint64_t total = std::accumulate(rows.counts.begin(), rows.counts.end(), uint64_t{0});
     if (total != sizes[1]) return Damaged("counts disagree");
-    GLINT_RETURN_IF_ERROR(CheckRows(rows, block.first_column + block.columns));
+    GLINT_RETURN_IF_ERROR(diffuse ? CheckRows(rows, 0, 2)
+                                  : CheckRows(rows, block.first_column, block.first_column + block.columns));
     result.slots.push_back(std::move(rows));
   }
   if (reader.left() != 0) return Damaged("too long");

@@ -48,8 +48,8 @@ struct BlockResult {
 
 /// Bytes of a chunk's payload (docs/archive-format.md, "Chunks").
 std::vector<std::byte> SerializeBlock(const BlockResult& result);
-/// Checks sizes, counts and column order against the block: `slots` tables, entries of `entry_bytes`.
-/// kBadInput.
+/// Checks sizes, counts and columns against the block: `slots` tables, the last one diffuse, entries of
+/// `entry_bytes`. kBadInput.
 Result<BlockResult> ParseBlock(std::span<const std::byte> bytes, const GatherBlock& block, uint32_t slots,
                                uint32_t entry_bytes);
 
