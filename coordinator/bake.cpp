@@ -87,13 +87,15 @@ class Progress {
     begin_ = Now();
     Emit();
   }
-  void TaskDone(bool was_there) {
+  /// @param again  the round is run once more, to mend chunks that were there but damaged
+  void TaskDone(bool was_there, bool again) {
     ++state_.done;
-    ++report_->tasks;
-    if (was_there) {
-      ++report_->tasks_reused;
-    } else {
-      ++computed_;
+    computed_ += !was_there;
+    if (!again) {
+      ++report_->tasks;
+      report_->tasks_reused += was_there;
+    } else if (!was_there && report_->tasks_reused > 0) {
+      --report_->tasks_reused;
     }
     const double seconds = std::max(Now() - begin_, 1e-6);
     state_.slices_per_second = static_cast<double>(computed_) * slices_per_task_ / seconds;
@@ -118,7 +120,7 @@ class Progress {
   size_t computed_ = 0;
 };
 
-/// Runs one layer's round and merges it. A chunk found damaged on merging is computed again, once.
+/// Runs one layer's round and merges it. Chunks found damaged on merging are computed again, once.
 Result<Layer> BakeLayer(const std::vector<TaskSpec>& tasks, const LayerViews* previous, ChunkStore& store,
                         const BakeDomain& domain, const DirectionGrid& grid, const BakeOptions& options,
                         int threads, Executor* executor, Progress* progress) {
@@ -127,8 +129,8 @@ Result<Layer> BakeLayer(const std::vector<TaskSpec>& tasks, const LayerViews* pr
                                  domain.max_lobes() / static_cast<double>(tasks.size());
   for (int attempt = 0;; ++attempt) {
     progress->Stage(name, tasks.size(), slices_per_task);
-    GLINT_RETURN_IF_ERROR(
-        executor->Run({tasks, previous}, [&](size_t, bool was_there) { progress->TaskDone(was_there); }));
+    GLINT_RETURN_IF_ERROR(executor->Run(
+        {tasks, previous}, [&](size_t, bool was_there) { progress->TaskDone(was_there, attempt > 0); }));
     progress->Stage("merge " + std::to_string(tasks.front().layer));
     Result<Layer> layer = MergeLayer(store, tasks, domain, grid, options.table_form, threads);
     if (layer.ok() || layer.status().kind() != ErrorKind::kMismatch || attempt > 0) return layer;

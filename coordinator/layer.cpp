@@ -120,17 +120,26 @@ Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, con
     builders.emplace_back(domain.vertex_count(), slot + 1 < slots ? grid.size() : 2, entry_bytes);
 
   Layer layer;
+  Status damage;
   for (size_t first = 0; first < tasks.size();) {
     std::vector<BlockResult> blocks;
     const GatherBlock& rows = tasks[first].block;
     for (; first < tasks.size() && tasks[first].block.first_vertex == rows.first_vertex; ++first) {
-      GLINT_ASSIGN_OR_RETURN(BlockResult block, ReadChunk(store, tasks[first], slots, entry_bytes));
-      layer.counters += block.counters;
-      blocks.push_back(std::move(block));
+      Result<BlockResult> block = ReadChunk(store, tasks[first], slots, entry_bytes);
+      if (block.ok()) {
+        layer.counters += block->counters;
+        blocks.push_back(std::move(block).value());
+      } else if (block.status().kind() == ErrorKind::kMismatch) {
+        damage = block.status();  // and look on: one more run then mends all of them
+      } else {
+        return block.status();
+      }
     }
+    if (!damage.ok()) continue;
     for (uint32_t slot = 0; slot < slots; ++slot)
       AppendBlocks(blocks, slot, rows.vertices, entry_bytes, &builders[slot]);
   }
+  GLINT_RETURN_IF_ERROR(damage);
 
   layer.slots.resize(slots);
   ParallelFor(slots, threads, 1, [&](size_t slot, int) { layer.slots[slot] = builders[slot].Finish(form); });

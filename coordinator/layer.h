@@ -28,8 +28,8 @@ struct Layer {
 };
 
 /// Joins the chunks of a round in the order of vertices and columns; the same whatever the partition was.
-/// `tasks` are ordered by first vertex, then first column. A chunk that is damaged is discarded from the
-/// store and reported as kMismatch: the round has to be run again.
+/// `tasks` are ordered by first vertex, then first column. Chunks that are damaged are discarded from the
+/// store, all of them, and reported as kMismatch: the round has to be run again.
 Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, const BakeDomain& domain,
                          const DirectionGrid& grid, TableForm form, int threads);
 

@@ -1,13 +1,16 @@
 #include "tests/base/process.h"
 
 #include <fcntl.h>
+#include <signal.h>
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <fstream>
 #include <iterator>
+#include <thread>
 
 #include "tests/base/temp_folder.h"
 
@@ -26,10 +29,28 @@ std::vector<char*> Pointers(std::vector<std::string>& strings) {
   return pointers;
 }
 
+/// Waits for the process to end, or for the moment to send it its signal and then for its end. Its status.
+int Await(pid_t pid, const ProcessSignal& stop) {
+  int status = 0;
+  bool pending = stop.signal != 0;
+  for (;;) {
+    const pid_t ended = waitpid(pid, &status, pending ? WNOHANG : 0);
+    if (ended == pid) return status;
+    if (ended < 0 && errno != EINTR) return -1;
+    if (!pending) continue;
+    if (stop.when()) {
+      kill(pid, stop.signal);
+      pending = false;
+    } else {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  }
+}
+
 }  // namespace
 
-ProcessResult RunProcess(const std::vector<std::string>& command,
-                         const std::vector<std::string>& environment) {
+ProcessResult RunProcess(const std::vector<std::string>& command, const std::vector<std::string>& environment,
+                         const ProcessSignal& stop) {
   const TempFolder folder;
   const std::string out = (folder / "out").string(), err = (folder / "err").string();
   posix_spawn_file_actions_t actions;
@@ -51,9 +72,7 @@ ProcessResult RunProcess(const std::vector<std::string>& command,
     result.exit_code = 127;
     return result;
   }
-  int status = 0;
-  while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {
-  }
+  const int status = Await(pid, stop);
   if (WIFEXITED(status)) result.exit_code = WEXITSTATUS(status);
   if (WIFSIGNALED(status)) result.signal = WTERMSIG(status);
   result.out = ReadText(out);

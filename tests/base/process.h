@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -12,9 +13,15 @@ struct ProcessResult {
   std::string out, err;
 };
 
+/// A signal to send to a running process as soon as `when` (asked every millisecond) says so; once.
+struct ProcessSignal {
+  int signal = 0;  ///< 0: none
+  std::function<bool()> when;
+};
+
 /// Runs `command` (program, arguments) to its end with `environment` ("NAME=value") added to this process's,
 /// standard input empty. exit_code 127: the program could not be started.
 ProcessResult RunProcess(const std::vector<std::string>& command,
-                         const std::vector<std::string>& environment = {});
+                         const std::vector<std::string>& environment = {}, const ProcessSignal& stop = {});
 
 }  // namespace glint

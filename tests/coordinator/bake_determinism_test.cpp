@@ -1,0 +1,165 @@
+// The archive's bytes are a function of scene and settings alone.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <numeric>
+#include <random>
+
+#include "common/scene/ray_scene.h"
+#include "coordinator/layer.h"
+#include "coordinator/local_executor.h"
+#include "tests/base/temp_folder.h"
+#include "tests/coordinator/bake_fixture.h"
+
+namespace glint {
+namespace {
+
+using bake_fixture::BytesOf;
+using bake_fixture::Generated;
+using bake_fixture::GeneratedPaint;
+using bake_fixture::SmallOptions;
+
+struct Baked {
+  BakeReport report;
+  std::vector<std::byte> archive;
+};
+
+Baked BakeHere(const Scene& scene, const BakeOptions& options) {
+  const TempFolder folder;
+  Result<BakeReport> report = BakeScene(scene, "scene", folder / "out.glint", options);
+  EXPECT_TRUE(report.ok()) << report.status().message();
+  if (!report.ok()) return {};
+  return {std::move(report).value(), BytesOf(folder / "out.glint")};
+}
+
+struct Case {
+  const char* name;
+  GatherMethod method;
+  Scene (*scene)();
+};
+
+class BakeDeterminismTest : public testing::TestWithParam<Case> {};
+
+/// How a bake may be spread over the machine.
+struct Spread {
+  int threads;
+  uint32_t vertices_per_task, directions_per_task;
+  uint64_t memory_bytes;
+};
+
+TEST_P(BakeDeterminismTest, ThreadsPartitionAndMemoryDoNotShow) {
+  const Scene scene = GetParam().scene();
+  BakeOptions options = SmallOptions(GetParam().method);
+  options.threads = 1;
+  const Baked expected = BakeHere(scene, options);
+  ASSERT_FALSE(expected.archive.empty());
+  ASSERT_EQ(expected.report.layers.size(), 3u);
+  EXPECT_GT(expected.report.layers[0].stored, 0u);
+  EXPECT_GT(expected.report.layers[1].stored, 0u);
+  EXPECT_GT(expected.report.layers[2].stored, 0u);
+
+  for (const Spread& spread : {Spread{2, 0, 0, 0}, Spread{3, 0, 0, 0}, Spread{2, 37, 0, 1},
+                               Spread{3, 200, 13, 0}, Spread{1, 100000, 1000, 1 << 16}}) {
+    options.threads = spread.threads;
+    options.vertices_per_task = spread.vertices_per_task;
+    options.directions_per_task = spread.directions_per_task;
+    options.memory_bytes = spread.memory_bytes;
+    const Baked baked = BakeHere(scene, options);
+    const auto label = testing::Message() << spread.threads << " threads, " << spread.vertices_per_task
+                                          << " vertices and " << spread.directions_per_task
+                                          << " directions a task, " << spread.memory_bytes << " bytes";
+    EXPECT_TRUE(baked.archive == expected.archive) << label;
+    EXPECT_EQ(baked.report.deterministic_json, expected.report.deterministic_json) << label;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, BakeDeterminismTest,
+    testing::Values(Case{"SharedKnot", GatherMethod::kShared, [] { return Generated("knot"); }},
+                    Case{"PaperKnot", GatherMethod::kPaper, [] { return Generated("knot"); }},
+                    Case{"SharedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); }},
+                    Case{"PaperPaint", GatherMethod::kPaper, [] { return GeneratedPaint("planes"); }}),
+    [](const auto& c) { return std::string(c.param.name); });
+
+TEST(BakeSettingsTest, WhatDecidesTheResultShows) {
+  const Scene scene = Generated("planes");
+  BakeOptions options = SmallOptions();
+  options.max_layers = 1;
+  const Baked expected = BakeHere(scene, options);
+  const std::function<void(BakeOptions*)> changes[] = {
+      [](BakeOptions* o) { o->settings.seed = 2; }, [](BakeOptions* o) { o->settings.max_rays = 1024; },
+      [](BakeOptions* o) { o->settings.drop = 0.1f; },
+      [](BakeOptions* o) { o->settings.split_cells = false; },
+      [](BakeOptions* o) { o->settings.method = GatherMethod::kPaper; }};
+  for (const auto& change : changes) {
+    BakeOptions changed = options;
+    change(&changed);
+    EXPECT_FALSE(BakeHere(scene, changed).archive == expected.archive);
+  }
+}
+
+TEST(BakeSettingsTest, ClassicTablesHoldTheSameSlices) {
+  const Scene scene = Generated("planes");
+  BakeOptions options = SmallOptions();
+  const Baked compact = BakeHere(scene, options);
+  options.table_form = TableForm::kClassic;
+  const TempFolder folder;
+  ASSERT_TRUE(BakeScene(scene, "scene", folder / "out.glint", options).ok());
+  EXPECT_TRUE(VerifyArchive(folder / "out.glint").ok());
+  const Result<Archive> a = Archive::FromMemory(compact.archive, "compact");
+  const Result<Archive> b = Archive::Open(folder / "out.glint");
+  ASSERT_TRUE(a.ok() && b.ok());
+  ASSERT_EQ(a->layers().size(), b->layers().size());
+  for (size_t layer = 0; layer < a->layers().size(); ++layer) {
+    const SliceTableView &t = a->layers()[layer].specular[0], &u = b->layers()[layer].specular[0];
+    ASSERT_EQ(t.entries(), u.entries());
+    ASSERT_NE(t.form(), u.form());
+    for (uint32_t row = 0; row < t.rows(); ++row)
+      t.Row(row).ForEach([&](uint32_t column, const std::byte* entry) {
+        const std::byte* other = u.Find(row, column);
+        ASSERT_NE(other, nullptr);
+        ASSERT_TRUE(std::equal(entry, entry + t.entry_bytes(), other));
+      });
+  }
+}
+
+// The executor and the merge alone: tasks in any order, each one handed out on its own.
+TEST(MergeLayerTest, OrderOfTasksDoesNotShow) {
+  const Scene scene = Generated("knot");
+  const BakeDomain domain = BuildBakeDomain(scene, {}, 1);
+  const DirectionGrid grid(1);
+  const RayScene rays(scene, 1);
+  const BakeSettings settings = SmallOptions().settings;
+  std::vector<TaskSpec> tasks;
+  for (uint32_t v = 0; v < domain.vertex_count(); v += 50)
+    for (uint32_t c = 0; c < grid.size(); c += 20) {
+      const GatherBlock block{v, std::min(50u, domain.vertex_count() - v), c, std::min(20u, grid.size() - c)};
+      tasks.push_back({Hasher().Add(v).Add(c).Finish(), 0, block});
+    }
+
+  std::vector<Digest> digests;
+  for (unsigned shuffle = 0; shuffle < 3; ++shuffle) {
+    const TempFolder folder;
+    Result<ChunkStore> store = ChunkStore::Open(folder.path());
+    ASSERT_TRUE(store.ok());
+    std::vector<TaskSpec> order = tasks;
+    if (shuffle == 1) std::reverse(order.begin(), order.end());
+    if (shuffle == 2) std::shuffle(order.begin(), order.end(), std::mt19937(7));
+    const auto executor = MakeLocalExecutor(domain, rays, grid, settings, *store, 1, uint64_t{1} << 26);
+    size_t done = 0;
+    for (const TaskSpec& task : order)
+      ASSERT_TRUE(executor->Run({{&task, 1}, nullptr}, [&](size_t, bool there) { done += !there; }).ok());
+    EXPECT_EQ(done, tasks.size());
+    const Result<Layer> layer = MergeLayer(*store, tasks, domain, grid, TableForm::kCompact, 2);
+    ASSERT_TRUE(layer.ok()) << layer.status().message();
+    digests.push_back(layer->digest);
+    EXPECT_GT(layer->stored, 0u);
+  }
+  EXPECT_EQ(digests[0], digests[1]);
+  EXPECT_EQ(digests[0], digests[2]);
+}
+
+}  // namespace
+}  // namespace glint

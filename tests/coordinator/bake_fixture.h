@@ -1,0 +1,68 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/base/files.h"
+#include "common/scene/generate.h"
+#include "coordinator/bake.h"
+
+namespace glint::bake_fixture {
+
+inline Scene Generated(const std::string& name, uint32_t vertices = 500, float exponent = 32) {
+  Result<Scene> scene = GenerateScene(name, {vertices, exponent});
+  EXPECT_TRUE(scene.ok()) << scene.status().message();
+  return std::move(scene).value();
+}
+
+/// Half metal, half paint: GGX lobes and a diffuse part on one surface, seen from both sides.
+inline Scene GeneratedPaint(const std::string& name, uint32_t vertices = 500) {
+  Scene scene = Generated(name, vertices, 0);
+  for (Material& material : scene.materials) {
+    material.model = MaterialModel::kMetallicRoughness;
+    material.base_color = {0.8f, 0.5f, 0.3f};
+    material.metallic = 0.5f;
+    material.roughness = 0.4f;
+    material.double_sided = true;
+  }
+  scene.content = HashScene(scene);
+  return scene;
+}
+
+/// Few directions and layers: a bake of a fraction of a second.
+inline BakeOptions SmallOptions(GatherMethod method = GatherMethod::kShared) {
+  BakeOptions options;
+  options.settings.method = method;
+  options.settings.grid_level = 1;
+  options.settings.max_rays = 512;
+  options.settings.paper_rays = 8;
+  options.max_layers = 2;
+  options.layer_tolerance = 0;
+  options.threads = 2;
+  return options;
+}
+
+inline std::vector<std::byte> BytesOf(const std::filesystem::path& path) {
+  Result<std::vector<std::byte>> bytes = ReadFile(path, uint64_t{1} << 30);
+  EXPECT_TRUE(bytes.ok()) << bytes.status().message();
+  return bytes.ok() ? std::move(bytes).value() : std::vector<std::byte>();
+}
+
+/// Files of a work folder's `kind` ("chunks" or "tasks") that are in place.
+inline std::vector<std::filesystem::path> StoredFiles(const std::filesystem::path& work,
+                                                      const std::string& kind) {
+  constexpr size_t kNameLength = 64;  // temporaries have longer names
+  std::vector<std::filesystem::path> files;
+  std::error_code error;
+  using Iterator = std::filesystem::recursive_directory_iterator;
+  for (Iterator i(work / kind, error), end; !error && i != end; i.increment(error)) {
+    if (i->path().filename().string().size() == kNameLength) files.push_back(i->path());
+  }
+  return files;
+}
+
+}  // namespace glint::bake_fixture
