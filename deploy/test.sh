@@ -1,9 +1,15 @@
 #!/bin/sh
-# Installs what is missing, builds everything, runs all tests; ends with ctest's summary.
+# Installs what is missing, fuzzes the file readers for a bounded time, builds everything and runs all tests; ends with
+# ctest's summary.
 set -eu
 cd "$(dirname "$0")/.."
 
-deploy/install-packages.sh
+deploy/install-packages.sh clang libclang-rt-14-dev
+
+cmake --preset fuzz
+cmake --build --preset fuzz
+ctest --preset fuzz -j "$(nproc)"
+
 cmake --preset release
 cmake --build --preset release
-ctest --preset release --output-on-failure --timeout 600 -j "$(nproc)"
+ctest --preset release --timeout 600 -j "$(nproc)"
