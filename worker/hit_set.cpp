@@ -96,7 +96,7 @@ class Fan {
   }
 
   bool Differ(int a, int b) const {
-    constexpr float kDepthRatio = 1.25f, kNormalCosine = 0.7f;
+    constexpr float kDepthRatio = 1.5f, kNormalCosine = 0.3f;
     if (outcomes_[a] != outcomes_[b]) return true;
     if (outcomes_[a] != Outcome::kHit || hits_[a].triangle == hits_[b].triangle) return false;
     const auto [near, far] = std::minmax(hits_[a].t, hits_[b].t);
