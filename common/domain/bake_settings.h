@@ -15,9 +15,9 @@ enum class GatherMethod : uint8_t {
 /// What a slice's value depends on, besides the scene and the layer before. Part of every task's key.
 struct BakeSettings {
   GatherMethod method = GatherMethod::kShared;
-  int grid_level = 3;            ///< geodesic level of the view directions; 3: 642 of them
-  float rays_per_kappa = 8;       ///< kShared: base rays per unit of the vertex's sharpest kappa
-  int min_rays = 256;            ///< kShared: bounds on base rays per vertex
+  int grid_level = 3;        ///< geodesic level of the view directions; 3: 642 of them
+  float rays_per_kappa = 8;  ///< kShared: base rays per unit of the vertex's sharpest kappa
+  int min_rays = 256;        ///< kShared: bounds on base rays per vertex
   int max_rays = 8192;
   bool split_cells = true;  ///< kShared: four more rays where neighbouring rays met different surfaces
   int paper_rays = 144;     ///< kPaper: rays per lobe, slice and layer
