@@ -8,8 +8,8 @@ deploy/install-packages.sh clang libclang-rt-14-dev
 
 cmake --preset fuzz
 cmake --build --preset fuzz
-ctest --preset fuzz -j "$(nproc)"
+ctest --preset fuzz -j "$(nproc)" --no-label-summary
 
 cmake --preset release
 cmake --build --preset release
-ctest --preset release --timeout 600 -j "$(nproc)"
+ctest --preset release --timeout 600 -j "$(nproc)" --no-label-summary
