@@ -10,25 +10,12 @@
 #include <glm/geometric.hpp>
 
 #include "common/archive/lobe_codec.h"
+#include "common/base/bend_normal.h"
 #include "common/base/frame.h"
 #include "common/lobes/horizon.h"
 
 namespace glint {
 namespace {
-
-/// Bends `n` just so far that the mirror direction of wo about it does not fall below the face `g` (g . wo >
-/// 0).
-glm::vec3 BendNormal(const glm::vec3& n, const glm::vec3& g, const glm::vec3& wo) {
-  constexpr float kLift = 0.01f;
-  const glm::vec3 mirror = 2 * glm::dot(n, wo) * n - wo;
-  const float height = glm::dot(mirror, g);
-  if (height >= std::min(kLift, 0.9f * glm::dot(g, wo))) return n;
-  const glm::vec3 along = mirror - height * g;
-  const float length = glm::length(along);
-  if (length < 1e-6f) return g;
-  const float lift = std::min(kLift, 0.9f * glm::dot(g, wo));
-  return glm::normalize(wo + along / length * std::sqrt(1 - lift * lift) + lift * g);
-}
 
 /// The slice between three shapes (textured roughness): lobe k of each taken together.
 BrdfSlice BlendSlices(const BakeDomain& domain, const std::array<uint32_t, 3>& vertex,
@@ -206,7 +193,7 @@ bool TransferReader::OrientNormal(uint32_t triangle, const std::array<float, 3>&
       NormalizeOr(side * (barycentric[0] * domain_.normals[t[0]] + barycentric[1] * domain_.normals[t[1]] +
                           barycentric[2] * domain_.normals[t[2]]),
                   face);
-  point->normal = BendNormal(n, face, point->wo);
+  point->normal = BendNormal(face, point->wo, n);
   point->cos_o = std::max(glm::dot(point->normal, point->wo), kMinCosine);
   return true;
 }

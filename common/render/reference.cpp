@@ -11,10 +11,10 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/bend_normal.h"
 #include "common/base/frame.h"
 #include "common/base/log.h"
 #include "common/base/parallel.h"
-#include "common/render/bend_normal.h"
 #include "common/render/pixel_samples.h"
 
 namespace glint {

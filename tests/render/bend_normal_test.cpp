@@ -1,4 +1,4 @@
-#include "common/render/bend_normal.h"
+#include "common/base/bend_normal.h"
 
 #include <gtest/gtest.h>
 

@@ -7,10 +7,11 @@ namespace glint {
 /// Interpolated normals can tilt so far that the mirror direction of `wo` falls under the face. Such a normal
 /// is bent towards the face's, just so far that the mirror direction stands min(0.9 face.wo, 0.01) above it
 /// (the convention of Blender's Cycles, derived anew in the .cpp); any other normal comes back unchanged.
-/// @param face   unit normal of the face on wo's side: face.wo > 0
+/// The tracer of references and the archive's look-ups share this, so that both see one surface.
+/// @param face   unit normal of the face on wo's side: face.wo >= 0
 /// @param wo     unit, towards the viewer
 /// @param normal unit, interpolated
-/// @return       unit, result.wo > 0
+/// @return       unit, result.wo > 0 where face.wo > 0
 glm::vec3 BendNormal(const glm::vec3& face, const glm::vec3& wo, const glm::vec3& normal);
 
 }  // namespace glint

@@ -1,4 +1,4 @@
-#include "common/render/bend_normal.h"
+#include "common/base/bend_normal.h"
 
 #include <algorithm>
 #include <cmath>
@@ -21,6 +21,7 @@ glm::vec3 BendNormal(const glm::vec3& face, const glm::vec3& wo, const glm::vec3
   const glm::vec3 x = across / length;
   const float wo_x = glm::dot(x, wo);
   const float r = std::hypot(wo_x, cos_face);
+  if (!(r > 0)) return face;  // edge-on, along the fold: every normal in the plane mirrors wo to -wo
   const float a = 0.5f * (std::atan2(wo_x, cos_face) + std::acos(std::clamp(least / r, 0.0f, 1.0f)));
   return glm::normalize(std::cos(a) * face + std::sin(a) * x);
 }
