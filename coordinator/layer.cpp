@@ -99,9 +99,10 @@ VertexEnergy MeasureVertex(const BakeDomain& domain, const DirectionGrid& grid, 
 /// threads.
 double MeasureEnergy(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views,
                      int layer_index, int threads) {
-  std::vector<VertexEnergy> energy(domain.vertex_count());
-  ParallelFor(energy.size(), threads, 64, [&](size_t v, int) {
-    energy[v] = MeasureVertex(domain, grid, views, layer_index, static_cast<uint32_t>(v));
+  constexpr uint32_t kStride = 4;
+  std::vector<VertexEnergy> energy((domain.vertex_count() + kStride - 1) / kStride);
+  ParallelFor(energy.size(), threads, 64, [&](size_t i, int) {
+    energy[i] = MeasureVertex(domain, grid, views, layer_index, kStride * static_cast<uint32_t>(i));
   });
   VertexEnergy total;
   for (const VertexEnergy& e : energy) total.layer += e.layer, total.unoccluded += e.unoccluded;

@@ -21,7 +21,7 @@ namespace glint {
 namespace {
 
 constexpr float kLog2E = 1.44269504f;
-constexpr float kCutoff = 10;  ///< a lobe ends where its exponent is -10: 4.5e-5 of its weight lies beyond
+constexpr float kCutoff = 7;  ///< a lobe ends where its exponent is -7: 9e-4 of its weight lies beyond
 constexpr float kKappaPerSample = 0.6f;  ///< a lattice of n samples resolves lobes up to about 0.6 n
 
 /// Buffers of one thread.
