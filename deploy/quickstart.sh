@@ -11,7 +11,7 @@ cmake --build --preset release --target glint
 
 glint=build/release/tools/glint
 mkdir -p "$out"
-"$glint" scene teapot -o "$out/teapot.glb"
+"$glint" scene teapot --vertices 10000 -o "$out/teapot.glb"
 "$glint" bake "$out/teapot.glb" -o "$out/teapot.glint" --layers 2
 "$glint" verify "$out/teapot.glint"
 for sky in studio sunset; do
