@@ -95,7 +95,7 @@ TEST_P(BakeCrashPointTest, GoesOnWhereItWas) {
   int kills = 0;
   // Later in each process, so that every kind of file is hit: chunks, records, the archive, the report.
   BakeThroughKills([&](int attempt) {
-    const ProcessResult result =
+    ProcessResult result =
         Bake({"GLINT_CRASH_AT=" + std::string(GetParam()) + ":" + std::to_string(attempt)});
     kills += result.signal == SIGKILL;
     return result;
