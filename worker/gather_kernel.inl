@@ -116,8 +116,10 @@ inline uint32_t SignMask(const Floats& v) {
 #ifdef __AVX__
   return static_cast<uint32_t>(__builtin_ia32_movmskps256(v));
 #else
+  float lane[kLanes];
+  __builtin_memcpy(lane, &v, sizeof lane);
   uint32_t mask = 0;
-  for (int i = 0; i < kLanes; ++i) mask |= static_cast<uint32_t>(v[i] < 0) << i;
+  for (int i = 0; i < kLanes; ++i) mask |= static_cast<uint32_t>(lane[i] < 0) << i;
   return mask;
 #endif
 }
