@@ -19,13 +19,14 @@ class LocalExecutor : public Executor {
   Status Run(const Round& round, const std::function<void(size_t, bool)>& on_done) override {
     std::mutex mutex;
     Status first_error;
+    std::once_flag begun;  // a layer whose results are all there needs no preparing
     ParallelFor(round.tasks.size(), threads_, 1, [&](size_t i, int) {
       {
         const std::lock_guard lock(mutex);
         if (!first_error.ok()) return;
       }
       Result<bool> was_there =
-          StopRequested() ? Interrupted("stopped on request") : RunTask(round, round.tasks[i]);
+          StopRequested() ? Interrupted("stopped on request") : RunTask(round, round.tasks[i], &begun);
       const std::lock_guard lock(mutex);
       if (was_there.ok()) {
         on_done(i, *was_there);
@@ -37,9 +38,10 @@ class LocalExecutor : public Executor {
   }
 
  private:
-  Result<bool> RunTask(const Round& round, const TaskSpec& task) {
+  Result<bool> RunTask(const Round& round, const TaskSpec& task, std::once_flag* begun) {
     if (store_.FindResult(task.key)) return true;
-    const BlockResult result = gatherer_->Gather(task.block, task.layer, round.previous);
+    std::call_once(*begun, [&] { gatherer_->BeginLayer(task.layer, round.previous, threads_); });
+    const BlockResult result = gatherer_->Gather(task.block);
     GLINT_ASSIGN_OR_RETURN([[maybe_unused]] const Digest digest,
                            store_.PutResult(task.key, SerializeBlock(result)));
     return false;

@@ -12,13 +12,17 @@
 
 namespace glint {
 
-/// One gathering pass over a block. Implementations are pure functions of (domain, rays, settings, previous
-/// layer, block): any partition into blocks gives the same slices. Thread-safe.
+/// Gathers one layer, block by block. Implementations are pure functions of (domain, rays, settings, previous
+/// layer, block): any partition into blocks gives the same slices.
 class Gatherer {
  public:
   virtual ~Gatherer() = default;
-  /// @param layer     0: direct light; above: gathers `previous`, the tables of layer - 1
-  virtual BlockResult Gather(const GatherBlock& block, int layer, const LayerViews* previous) = 0;
+  /// Turns to a layer, before its first block.
+  /// @param layer     0: direct light; above: gathers `previous`, the tables of layer - 1, which are needed
+  ///                  during the call only
+  virtual void BeginLayer(int layer, const LayerViews* previous, int threads) = 0;
+  /// Thread-safe within a layer.
+  virtual BlockResult Gather(const GatherBlock& block) = 0;
 };
 
 /// What gatherers need of a scene; outlives them.

@@ -134,58 +134,72 @@ TileCones HemisphereSamples::ConeArrays::Pad() {
   return {x.data(), y.data(), z.data(), cos_radius.data(), sin_radius.data(), static_cast<int>(x.size())};
 }
 
-void HemisphereSamples::AddSample(const glm::vec3& direction, float solid_angle, Outcome outcome) {
+inline void HemisphereSamples::AddSample(const glm::vec3& direction, float solid_angle, Outcome outcome) {
   if (outcome == Outcome::kInvalid) return;
-  if (outcome == Outcome::kHit) hit_sample_.push_back(static_cast<uint32_t>(x_.size()));
-  x_.push_back(direction.x);
-  y_.push_back(direction.y);
-  z_.push_back(direction.z);
-  solid_angle_.push_back(solid_angle);
-  blocked_.push_back(outcome == Outcome::kHit ? 1.0f : 0.0f);
-}
-
-void HemisphereSamples::AddQuad(const HitSet& hits, const HemisphereLattice& lattice, int first_cell,
-                                size_t* next_quarter) {
-  const auto first_hit = static_cast<uint32_t>(hit_sample_.size());
-  bool alike = true;
-  for (int c = first_cell; c < first_cell + 4; ++c) {
-    alike = alike && hits.outcome[c] == Outcome::kHit;
-    if (hits.outcome[c] != Outcome::kSplit) {
-      AddSample(lattice.direction(c), lattice.solid_angle(), hits.outcome[c]);
-      continue;
-    }
-    for (int q = 0; q < 4; ++q)
-      AddSample(lattice.quarter(c, q), 0.25f * lattice.solid_angle(), hits.outcome[(*next_quarter)++]);
-  }
-  inner_.resize(hit_sample_.size(), 0);
-  if (alike) inner_[first_hit + 1] = inner_[first_hit + 2] = 1;
+  if (outcome == Outcome::kHit) hit_sample_.push_back(count_);
+  x_[count_] = direction.x;
+  y_[count_] = direction.y;
+  z_[count_] = direction.z;
+  solid_angle_[count_] = solid_angle;
+  blocked_[count_] = outcome == Outcome::kHit ? 1.0f : 0.0f;
+  ++count_;
 }
 
 void HemisphereSamples::Expand(const HitSet& hits, const HemisphereLattice& lattice) {
-  for (auto* a : {&x_, &y_, &z_, &solid_angle_, &blocked_}) a->clear();
+  tiles_ = lattice.tiles();
+  const size_t room = hits.outcome.size() + static_cast<size_t>(tiles_) * kLanes;
+  for (auto* a : {&x_, &y_, &z_, &solid_angle_, &blocked_})
+    if (a->size() < room) a->resize(room);
+  count_ = 0;
   tile_begin_.clear();
   tile_blocked_.clear();
   hit_sample_.clear();
-  inner_.clear();
   cone_arrays_.Clear();
   blocked_cone_arrays_.Clear();
-  tiles_ = lattice.tiles();
-  size_t next_quarter = lattice.cells();
+  const float solid_angle = lattice.solid_angle();
+  const Outcome* outcome = hits.outcome.data();
+  const Outcome* quarter = outcome + lattice.cells();
   for (int tile = 0; tile < tiles_; ++tile) {
-    tile_begin_.push_back(static_cast<uint32_t>(x_.size()));
+    tile_begin_.push_back(count_);
     const size_t hits_before = hit_sample_.size();
     const int first_cell = tile * HemisphereLattice::kTileCells;
-    for (int c = first_cell; c < first_cell + HemisphereLattice::kTileCells; c += 4)
-      AddQuad(hits, lattice, c, &next_quarter);
-    while (x_.size() % kLanes != 0) AddSample({0, 0, 1}, 0, Outcome::kFree);
+    for (int c = first_cell; c < first_cell + HemisphereLattice::kTileCells; ++c) {
+      if (outcome[c] != Outcome::kSplit) {
+        AddSample(lattice.direction(c), solid_angle, outcome[c]);
+        continue;
+      }
+      for (int q = 0; q < 4; ++q) AddSample(lattice.quarter(c, q), 0.25f * solid_angle, *quarter++);
+    }
+    while (count_ % kLanes != 0) AddSample({0, 0, 1}, 0, Outcome::kFree);
     const bool blocked = hit_sample_.size() > hits_before;
     tile_blocked_.push_back(blocked);
     cone_arrays_.Add(lattice.tile_cone(tile));
     if (blocked) blocked_cone_arrays_.Add(lattice.tile_cone(tile));
   }
-  tile_begin_.push_back(static_cast<uint32_t>(x_.size()));
+  tile_begin_.push_back(count_);
   cones_ = cone_arrays_.Pad();
   blocked_cones_ = blocked_cone_arrays_.Pad();
+}
+
+void HemisphereSamples::Shade(const HitSet& hits, const Frame& frame, const LayerLight& light) {
+  const size_t count = hits.hits.size();
+  queries_.resize(count);
+  answers_.resize(count);
+  for (size_t h = 0; h < count; ++h) {
+    const SurfaceHit& hit = hits.hits[h];
+    const uint32_t i = hit_sample_[h];
+    queries_[h] = {hit.triangle, static_cast<float>(hit.u) * (1 / 65535.0f),
+                   static_cast<float>(hit.v) * (1 / 65535.0f), -frame.ToWorld({x_[i], y_[i], z_[i]})};
+  }
+  light.Look(queries_, answers_.data());
+  for (auto& channel : light_) channel.assign(count_, 0.0f);
+  for (size_t h = 0; h < count; ++h) {
+    const uint32_t i = hit_sample_[h];
+    for (int c = 0; c < 3; ++c) {
+      light_[c][i] = answers_[h].alpha[c];
+      light_[3 + c][i] = answers_[h].moment[c];
+    }
+  }
 }
 
 SampleArrays HemisphereSamples::arrays() const {

@@ -12,6 +12,7 @@
 #include "worker/gather.h"
 #include "worker/gather_kernel.h"
 #include "worker/lattice.h"
+#include "worker/layer_light.h"
 #include "worker/surface_vertices.h"
 
 namespace glint {
@@ -39,29 +40,11 @@ struct HitSet {
 /// Samples of a hit set laid out for the kernels, with room for a layer's light. Buffers are reused.
 class HemisphereSamples {
  public:
-  /// Lays `hits` out; `frame` turns lattice directions to the world.
+  /// Lays `hits` out in tiles.
   void Expand(const HitSet& hits, const HemisphereLattice& lattice);
-  /// Sets the light channels from light(hit, local direction) -> {alpha r, g, b, moment x, y, z}. Of four
-  /// neighbouring cells that all see a surface, and none of them another than its neighbours (else it would
-  /// be split), the two on a diagonal are looked up, and the other two have their mean: right to first order,
-  /// at half the cost.
-  template <class Light>
-  void Shade(const HitSet& hits, const Light& light) {
-    for (int c = 0; c < 6; ++c) light_[c].assign(x_.size(), 0.0f);
-    for (size_t h = 0; h < hits.hits.size(); ++h) {
-      if (inner_[h]) continue;
-      const uint32_t i = hit_sample_[h];
-      const std::array<float, 6> value = light(hits.hits[h], glm::vec3(x_[i], y_[i], z_[i]));
-      for (int c = 0; c < 6; ++c) light_[c][i] = value[c];
-    }
-    for (size_t h = 0; h < hits.hits.size(); ++h) {
-      if (!inner_[h]) continue;  // the first of two inner cells; the diagonal is around them
-      for (int c = 0; c < 6; ++c)
-        light_[c][hit_sample_[h]] = light_[c][hit_sample_[h + 1]] =
-            0.5f * (light_[c][hit_sample_[h - 1]] + light_[c][hit_sample_[h + 2]]);
-      ++h;
-    }
-  }
+  /// Sets the light channels from what `light` sends back along every ray that met a surface; `frame` turns
+  /// lattice directions to the world.
+  void Shade(const HitSet& hits, const Frame& frame, const LayerLight& light);
   SampleArrays arrays() const;
   const TileCones& cones() const { return cones_; }
   const TileCones& blocked_cones() const { return blocked_cones_; }
@@ -75,13 +58,14 @@ class HemisphereSamples {
     void Add(const HemisphereLattice::Cone& cone);
     TileCones Pad();
   };
-  void AddQuad(const HitSet& hits, const HemisphereLattice& lattice, int first_cell, size_t* next_quarter);
   void AddSample(const glm::vec3& direction, float solid_angle, HitSet::Outcome outcome);
 
   std::vector<float> x_, y_, z_, solid_angle_, blocked_;
   std::vector<float> light_[6];
   std::vector<uint32_t> tile_begin_, hit_sample_;
-  std::vector<uint8_t> inner_;  ///< per hit: 1 if its light is the mean of its quad's diagonal
+  std::vector<LightQuery> queries_;
+  std::vector<HitLight> answers_;
+  uint32_t count_ = 0;  ///< samples laid out, padding included
   std::vector<uint8_t> tile_blocked_;
   ConeArrays cone_arrays_, blocked_cone_arrays_;
   TileCones cones_{}, blocked_cones_{};

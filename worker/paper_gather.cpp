@@ -14,7 +14,7 @@
 #include "common/base/frame.h"
 #include "common/base/rng.h"
 #include "common/lobes/vmf.h"
-#include "worker/hit_light.h"
+#include "worker/layer_light.h"
 #include "worker/slice_encoder.h"
 #include "worker/slice_lobes.h"
 #include "worker/surface_vertices.h"
@@ -29,10 +29,18 @@ class PaperGatherer : public Gatherer {
   PaperGatherer(const GatherInput& input, const BakeSettings& settings)
       : input_(input),
         settings_(settings),
-        reader_(input.domain, input.grid),
-        surface_(input.domain, input.rays.epsilon()) {}
+        surface_(input.domain, input.rays.epsilon()) {
+    for (const BrdfShape& shape : input.domain.shapes) samplers_.emplace_back(shape);
+  }
 
-  BlockResult Gather(const GatherBlock& block, int layer, const LayerViews* previous) override {
+  void BeginLayer(int layer, const LayerViews* previous, int threads) override {
+    layer_ = layer;
+    light_.reset();
+    if (layer > 0)
+      light_ = std::make_unique<LayerLight>(input_.domain, input_.grid, *previous, layer - 1, threads);
+  }
+
+  BlockResult Gather(const GatherBlock& block) override {
     BlockResult result;
     const int slots = input_.domain.max_lobes();
     result.slots.resize(static_cast<size_t>(slots) + 1);
@@ -41,9 +49,9 @@ class PaperGatherer : public Gatherer {
       for (int slot = 0; slot < slots; ++slot) result.slots[slot].BeginRow();
       if (block.first_column == 0) result.slots.back().BeginRow();
       if (!surface_.used(v)) continue;
-      if (block.first_column == 0) GatherDiffuse(v, layer, previous, &fan, &result);
+      if (block.first_column == 0) GatherDiffuse(v, &fan, &result);
       for (uint32_t column = block.first_column; column < block.first_column + block.columns; ++column)
-        GatherSlices(v, column, layer, previous, &fan, &result);
+        GatherSlices(v, column, &fan, &result);
     }
     return result;
   }
@@ -52,39 +60,41 @@ class PaperGatherer : public Gatherer {
   struct Fan {
     std::vector<Ray> rays;
     std::vector<Hit> hits;
+    std::vector<LightQuery> queries;
+    std::vector<HitLight> answers;
   };
 
-  void GatherSlices(uint32_t v, uint32_t column, int layer, const LayerViews* previous, Fan* fan,
-                    BlockResult* result) {
+  void GatherSlices(uint32_t v, uint32_t column, Fan* fan, BlockResult* result) {
     const glm::vec3& wo = input_.grid.direction(column);
     const float cosine = glm::dot(input_.domain.normals[v], wo);
     if (cosine == 0 || (cosine < 0 && !input_.domain.double_sided[v])) return;
     const VertexSide side = surface_.side(v, cosine < 0);
-    const UnoccludedSlice slice(input_.domain.shapes[input_.domain.shape[v]], side.normal, wo);
+    const SliceSampler& sampler = samplers_[input_.domain.shape[v]];
+    const UnoccludedSlice slice(sampler, side.normal, wo);
     for (int k = 0; k < slice.lobes.lobes; ++k) {
-      const Vmf drawn{slice.mu[k], slice.lobes.lobe[k].kappa};
+      const Vmf drawn{slice.Direction(slice.lobes.lobe[k]), slice.lobes.lobe[k].kappa};
+      const BrdfLobe seen = slice.Seen(sampler, k);
       CounterRng rng(settings_.seed, v, column | (static_cast<uint32_t>(k) << 16),
-                     static_cast<uint32_t>(layer));
+                     static_cast<uint32_t>(layer_));
       Trace(side, &rng, fan, [&](float a, float b) { return SampleVmf(drawn, a, b); });
-      Merge(v, {slice.seen_mu[k], slice.seen.lobe[k].kappa}, layer, previous, *fan,
-            static_cast<uint16_t>(column), &result->slots[k], &result->counters);
+      Merge(v, {slice.Direction(seen), seen.kappa}, fan, static_cast<uint16_t>(column), &result->slots[k],
+            &result->counters);
     }
   }
 
-  void GatherDiffuse(uint32_t v, int layer, const LayerViews* previous, Fan* fan, BlockResult* result) {
+  void GatherDiffuse(uint32_t v, Fan* fan, BlockResult* result) {
     const glm::vec3& diffuse = input_.domain.diffuse[v];
     if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
     for (int s = 0; s < (input_.domain.double_sided[v] ? 2 : 1); ++s) {
       const VertexSide side = surface_.side(v, s == 1);
       const Frame frame = Frame::FromNormal(side.normal);
-      CounterRng rng(settings_.seed, v, 0xFFFF0000u | static_cast<uint32_t>(s), static_cast<uint32_t>(layer));
+      CounterRng rng(settings_.seed, v, 0xFFFF0000u | static_cast<uint32_t>(s), static_cast<uint32_t>(layer_));
       Trace(side, &rng, fan, [&](float a, float b) {
         const float r = std::sqrt(a), phi = 2 * kPi * b;
         return frame.ToWorld({r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - a)});
       });
       const SliceLobe lobe{side.normal, kCosineKappa};
-      Merge(v, lobe, layer, previous, *fan, static_cast<uint16_t>(s), &result->slots.back(),
-            &result->counters);
+      Merge(v, lobe, fan, static_cast<uint16_t>(s), &result->slots.back(), &result->counters);
     }
   }
 
@@ -104,43 +114,53 @@ class PaperGatherer : public Gatherer {
     input_.rays.IntersectCoherent(fan->rays.data(), fan->hits.data(), static_cast<int>(fan->rays.size()));
   }
 
-  void Merge(uint32_t v, const SliceLobe& lobe, int layer, const LayerViews* previous, const Fan& fan,
-             uint16_t column, BlockRows* rows, GatherCounters* counters) const {
+  void Merge(uint32_t v, const SliceLobe& lobe, Fan* fan, uint16_t column, BlockRows* rows,
+             GatherCounters* counters) const {
     ++counters->slices;
-    counters->rays += fan.rays.size();
+    counters->rays += fan->rays.size();
     double count = 0;
     DirectMoments direct{0, {}};
-    IndirectMoments indirect;
-    for (size_t i = 0; i < fan.rays.size(); ++i) {
-      const Hit& hit = fan.hits[i];
+    fan->queries.clear();
+    for (size_t i = 0; i < fan->rays.size(); ++i) {
+      const Hit& hit = fan->hits[i];
       if (hit.hit() && hit.t < surface_.touch_distance(v) && surface_.Incident(hit.triangle, v)) continue;
       count += 1;
       if (!hit.hit()) {
         direct.visible += 1;
-        direct.mean += glm::dvec3(fan.rays[i].direction);
-      } else if (layer > 0) {
-        const std::array<float, 6> light =
-            HitLight(reader_, *previous, layer - 1, hit.triangle, hit.u, hit.v, -fan.rays[i].direction);
-        indirect.alpha += glm::dvec3(light[0], light[1], light[2]);
-        indirect.moment += glm::dvec3(light[3], light[4], light[5]);
+        direct.mean += glm::dvec3(fan->rays[i].direction);
+      } else {
+        fan->queries.push_back({hit.triangle, hit.u, hit.v, -fan->rays[i].direction});
       }
     }
     if (count == 0) return;
-    direct.visible /= count;
-    direct.mean /= count;
-    indirect.alpha /= count;
-    indirect.moment /= count;
-    if (layer == 0) {
+    if (layer_ == 0) {
+      direct.visible /= count;
+      direct.mean /= count;
       StoreDirect(FitDirect(lobe, direct, settings_.drop), column, rows);
     } else {
-      StoreIndirect(FitIndirect(lobe, indirect, settings_.drop), column, rows);
+      StoreIndirect(FitIndirect(lobe, SumLight(count, fan), settings_.drop), column, rows);
     }
+  }
+
+  IndirectMoments SumLight(double count, Fan* fan) const {
+    fan->answers.resize(fan->queries.size());
+    light_->Look(fan->queries, fan->answers.data());
+    IndirectMoments sum;
+    for (const HitLight& light : fan->answers) {
+      sum.alpha += glm::dvec3(light.alpha);
+      sum.moment += glm::dvec3(light.moment);
+    }
+    sum.alpha /= count;
+    sum.moment /= count;
+    return sum;
   }
 
   const GatherInput input_;
   const BakeSettings settings_;
-  const TransferReader reader_;
   const SurfaceVertices surface_;
+  std::vector<SliceSampler> samplers_;  ///< of input_.domain.shapes
+  int layer_ = 0;
+  std::unique_ptr<const LayerLight> light_;  ///< of the layer before
 };
 
 }  // namespace

@@ -10,10 +10,11 @@
 #include <glm/geometric.hpp>
 #include <utility>
 
+#include "common/lobes/slice_sampler.h"
 #include "common/lobes/vmf.h"
 #include "worker/gather_kernel.h"
-#include "worker/hit_light.h"
 #include "worker/hit_set.h"
+#include "worker/layer_light.h"
 #include "worker/slice_encoder.h"
 #include "worker/slice_lobes.h"
 
@@ -44,21 +45,27 @@ class SharedGatherer : public Gatherer {
       : input_(input),
         settings_(settings),
         kernels_(SelectGatherKernels()),
-        reader_(input.domain, input.grid),
-        cache_(input_, settings_, memory_bytes) {}
+        cache_(input_, settings_, memory_bytes) {
+    for (const BrdfShape& shape : input.domain.shapes) samplers_.emplace_back(shape);
+  }
 
-  BlockResult Gather(const GatherBlock& block, int layer, const LayerViews* previous) override {
+  void BeginLayer(int layer, const LayerViews* previous, int threads) override {
+    light_.reset();
+    if (layer > 0)
+      light_ = std::make_unique<LayerLight>(input_.domain, input_.grid, *previous, layer - 1, threads);
+  }
+
+  BlockResult Gather(const GatherBlock& block) override {
     BlockResult result;
     result.slots.resize(static_cast<size_t>(input_.domain.max_lobes()) + 1);
     Scratch scratch;
     for (uint32_t v = block.first_vertex; v < block.first_vertex + block.vertices; ++v)
-      GatherVertex(v, block, layer, previous, &scratch, &result);
+      GatherVertex(v, block, &scratch, &result);
     return result;
   }
 
  private:
-  void GatherVertex(uint32_t v, const GatherBlock& block, int layer, const LayerViews* previous,
-                    Scratch* scratch, BlockResult* result) {
+  void GatherVertex(uint32_t v, const GatherBlock& block, Scratch* scratch, BlockResult* result) {
     const bool owns_diffuse = block.first_column == 0;
     for (size_t slot = 0; slot + 1 < result->slots.size(); ++slot) result->slots[slot].BeginRow();
     if (owns_diffuse) result->slots.back().BeginRow();
@@ -66,58 +73,53 @@ class SharedGatherer : public Gatherer {
     Side sides[2];
     const int side_count = input_.domain.double_sided[v] ? 2 : 1;
     for (int s = 0; s < side_count; ++s) {
-      sides[s] = PrepareSide(v, s, layer, previous, scratch, owns_diffuse ? &result->counters : nullptr);
-      if (owns_diffuse) GatherDiffuse(v, s, sides[s], layer, result);
+      sides[s] = PrepareSide(v, s, scratch, owns_diffuse ? &result->counters : nullptr);
+      if (owns_diffuse) GatherDiffuse(v, s, sides[s], result);
     }
     for (uint32_t column = block.first_column; column < block.first_column + block.columns; ++column) {
       const glm::vec3& wo = input_.grid.direction(column);
       const int s = glm::dot(input_.domain.normals[v], wo) > 0 ? 0 : 1;
       if (s >= side_count || glm::dot(sides[s].frame.n, wo) <= 0) continue;
-      GatherSlices(v, column, wo, sides[s], layer, scratch, result);
+      GatherSlices(v, column, wo, sides[s], scratch, result);
     }
   }
 
-  Side PrepareSide(uint32_t v, int s, int layer, const LayerViews* previous, Scratch* scratch,
-                   GatherCounters* counters) {
+  Side PrepareSide(uint32_t v, int s, Scratch* scratch, GatherCounters* counters) {
     std::unique_ptr<HitSet> keep;
     const HitSet& hits = cache_.Get(v, s, &keep);
-    if (layer == 0 && counters) counters->rays += hits.rays;
+    if (!light_ && counters) counters->rays += hits.rays;
     const HemisphereLattice& lattice = cache_.lattice(v);
     Side side;
     side.frame = cache_.LatticeFrame(v, s);
     side.samples = &scratch->samples[s];
     side.samples->Expand(hits, lattice);
-    if (layer > 0) {
-      side.samples->Shade(hits, [&](const SurfaceHit& hit, const glm::vec3& local) {
-        return HitLight(reader_, *previous, layer - 1, hit.triangle, hit.u / 65535.0f, hit.v / 65535.0f,
-                        -side.frame.ToWorld(local));
-      });
-    }
+    if (light_) side.samples->Shade(hits, side.frame, *light_);
     side.arrays = side.samples->arrays();
     side.max_kappa = kKappaPerSample * static_cast<float>(lattice.cells());
     scratch->tiles.resize(std::max<size_t>(scratch->tiles.size(), lattice.tiles() + kLanes));
     return side;
   }
 
-  void GatherSlices(uint32_t v, uint32_t column, const glm::vec3& wo, const Side& side, int layer,
-                    Scratch* scratch, BlockResult* result) {
-    const BrdfShape& shape = input_.domain.shapes[input_.domain.shape[v]];
-    result->counters.slices += shape.lobes;
+  void GatherSlices(uint32_t v, uint32_t column, const glm::vec3& wo, const Side& side, Scratch* scratch,
+                    BlockResult* result) {
+    const SliceSampler& sampler = samplers_[input_.domain.shape[v]];
+    result->counters.slices += sampler.lobes();
     if (!side.samples->any_blocked()) return;
-    const UnoccludedSlice slice(shape, side.frame.n, wo);
-    for (int k = 0; k < slice.lobes.lobes; ++k) {
-      const float kappa = std::min(slice.lobes.lobe[k].kappa, side.max_kappa);
-      const float resolution = kappa / std::max(slice.lobes.lobe[k].kappa, 1e-6f);
-      const SliceLobe lobe{slice.seen_mu[k], slice.seen.lobe[k].kappa, std::min(resolution, 1.0f)};
-      const glm::vec3 local = side.frame.ToLocal(slice.mu[k]);
+    const UnoccludedSlice slice(sampler, side.frame.n, wo);
+    for (int k = 0; k < sampler.lobes(); ++k) {
+      const float fitted = slice.lobes.lobe[k].kappa, kappa = std::min(fitted, side.max_kappa);
+      const glm::vec3 local = side.frame.ToLocal(slice.Direction(slice.lobes.lobe[k]));
       const float cosine = std::max(-1.0f, 1 - kCutoff / std::max(kappa, 1.0f));
       const QueryCone cone{local.x, local.y, local.z, cosine, std::sqrt(1 - cosine * cosine)};
       uint16_t* tiles = scratch->tiles.data();
       if (kernels_.select_tiles(side.samples->blocked_cones(), cone, tiles) == 0) continue;
       const int count = kernels_.select_tiles(side.samples->cones(), cone, tiles);
       const LobeWeight weight{local.x, local.y, local.z, kappa * kLog2E};
+      const BrdfLobe seen = slice.Seen(sampler, k);
+      const float resolution = std::min(kappa / std::max(fitted, 1e-6f), 1.0f);
+      const SliceLobe lobe{slice.Direction(seen), seen.kappa, resolution};
       const auto stored_column = static_cast<uint16_t>(column);
-      if (layer == 0) {
+      if (!light_) {
         DirectSums sums;
         kernels_.direct_lobe(side.arrays, tiles, count, weight, &sums);
         const DirectMoments moments =
@@ -131,14 +133,14 @@ class SharedGatherer : public Gatherer {
     }
   }
 
-  void GatherDiffuse(uint32_t v, int s, const Side& side, int layer, BlockResult* result) {
+  void GatherDiffuse(uint32_t v, int s, const Side& side, BlockResult* result) {
     const glm::vec3& diffuse = input_.domain.diffuse[v];
     if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
     ++result->counters.slices;
     if (!side.samples->any_blocked()) return;
     const SliceLobe lobe{side.frame.n, kCosineKappa};
     BlockRows* rows = &result->slots.back();
-    if (layer == 0) {
+    if (!light_) {
       DirectSums sums;
       kernels_.direct_cosine(side.arrays, side.samples->tiles(), &sums);
       StoreDirect(FitDirect(lobe, ToMoments(sums, side, lobe.mu, 2.0 / 3), settings_.drop),
@@ -174,8 +176,9 @@ class SharedGatherer : public Gatherer {
   const GatherInput input_;
   const BakeSettings settings_;
   const GatherKernels& kernels_;
-  const TransferReader reader_;
+  std::vector<SliceSampler> samplers_;  ///< of input_.domain.shapes
   HitSetCache cache_;
+  std::unique_ptr<const LayerLight> light_;  ///< of the layer before; null while layer 0 is gathered
 };
 
 }  // namespace

@@ -71,15 +71,6 @@ uint16_t EncodeKappa(float kappa) {
       std::clamp(std::lround((std::log2(x) - kKappaFirst) / kKappaStep), 1L, 65535L));
 }
 
-/// Nearest half, ties to even.
-uint16_t EncodeHalf(float value) {
-  const float x = ClampFinite(value, 0, 65504, 0);
-  // Below the normal range halves are multiples of 2^-24. Scaling is exact, and so is the rounding of lrint.
-  if (x < 0x1p-14f) return static_cast<uint16_t>(std::lrint(x * 0x1p24f));
-  const uint32_t bits = std::bit_cast<uint32_t>(x) - (112u << 23);
-  return static_cast<uint16_t>((bits + 0x0FFFu + ((bits >> 13) & 1)) >> 13);
-}
-
 struct Octahedral {
   int u = 0, v = 0;  ///< in [-kSnormMax, kSnormMax]
 };

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <glm/vec3.hpp>
 
+#include "common/base/half.h"
 #include "common/base/status.h"
 #include "common/lobes/vmf.h"
 
@@ -61,16 +62,7 @@ extern const LogTable kKappaTable;  ///< code 1 is kMinStoredKappa, 65535 is kMa
 
 inline constexpr float kMinStoredKappa = 1e-3f;
 inline constexpr float kMaxRatio = 0x1p20f;
-inline constexpr uint16_t kMaxHalf = 0x7BFF;  ///< 65504
 inline constexpr int kSnormMax = 32767;
-
-/// Half to float for what is not negative; arithmetic that needs neither F16C nor denormal floats.
-inline float DecodeHalf(uint16_t half) {
-  const uint32_t bits = std::min<uint32_t>(half & 0x7FFFu, kMaxHalf) << 13;
-  const float normal = std::bit_cast<float>(bits + (112u << 23));
-  const float subnormal = std::bit_cast<float>(bits + (113u << 23)) - 0x1p-14f;
-  return bits < (1u << 23) ? subnormal : normal;
-}
 
 inline float DecodeSnorm(uint16_t code) {
   return static_cast<float>(std::max<int>(static_cast<int16_t>(code), -kSnormMax)) * (1.0f / kSnormMax);

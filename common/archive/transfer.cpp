@@ -12,42 +12,9 @@
 #include "common/archive/lobe_codec.h"
 #include "common/base/bend_normal.h"
 #include "common/base/frame.h"
-#include "common/lobes/horizon.h"
 
 namespace glint {
 namespace {
-
-/// The slice between three shapes (textured roughness): lobe k of each taken together.
-BrdfSlice BlendSlices(const BakeDomain& domain, const std::array<uint32_t, 3>& vertex,
-                      const std::array<float, 3>& weight, float cos_o) {
-  BrdfSlice out;
-  std::array<float, kMaxBrdfLobes> total{};
-  std::array<float, kMaxBrdfLobes> log_kappa{};
-  for (auto& l : out.lobe) l = {.mu_x = 0, .mu_z = 0, .above = 0};
-  for (int i = 0; i < 3; ++i) {
-    if (weight[i] <= 0) continue;
-    const BrdfSlice slice = LookupSlice(domain.shapes[domain.shape[vertex[i]]], cos_o);
-    out.lobes = std::max(out.lobes, slice.lobes);
-    for (int k = 0; k < slice.lobes; ++k) {
-      BrdfLobe& l = out.lobe[k];
-      l.mu_x += weight[i] * slice.lobe[k].mu_x;
-      l.mu_z += weight[i] * slice.lobe[k].mu_z;
-      l.scale += weight[i] * slice.lobe[k].scale;
-      l.bias += weight[i] * slice.lobe[k].bias;
-      l.above += weight[i] * slice.lobe[k].above;
-      log_kappa[k] += weight[i] * std::log(std::max(slice.lobe[k].kappa, 1e-6f));
-      total[k] += weight[i];
-    }
-  }
-  for (int k = 0; k < out.lobes; ++k) {
-    BrdfLobe& l = out.lobe[k];
-    const float length = std::sqrt(l.mu_x * l.mu_x + l.mu_z * l.mu_z);
-    if (length > 0) l.mu_x /= length, l.mu_z /= length;
-    l.kappa = std::exp(log_kappa[k] / total[k]);
-    l.above /= total[k];
-  }
-  return out;
-}
 
 /// Unit vector along v, or `fallback` where v vanishes.
 glm::vec3 NormalizeOr(const glm::vec3& v, const glm::vec3& fallback) {
@@ -180,6 +147,43 @@ std::array<glm::vec3, 2> IncidenceAxes(const glm::vec3& normal, const glm::vec3&
   return {length2 > 1e-12f ? tangent / std::sqrt(length2) : Frame::FromNormal(normal).t, normal};
 }
 
+TransferReader::TransferReader(const BakeDomain& domain, const DirectionGrid& grid)
+    : domain_(domain), grid_(grid) {
+  samplers_.reserve(domain.shapes.size());
+  for (const BrdfShape& shape : domain.shapes) samplers_.emplace_back(shape);
+}
+
+BrdfSlice TransferReader::BlendSlices(const std::array<uint32_t, 3>& vertex,
+                                      const std::array<float, 3>& weight, float cos_o) const {
+  BrdfSlice out;
+  std::array<float, kMaxBrdfLobes> total{};
+  std::array<float, kMaxBrdfLobes> log_kappa{};
+  for (auto& l : out.lobe) l = {.mu_x = 0, .mu_z = 0, .above = 0};
+  for (int i = 0; i < 3; ++i) {
+    if (weight[i] <= 0) continue;
+    const BrdfSlice slice = samplers_[domain_.shape[vertex[i]]].Seen(cos_o);
+    out.lobes = std::max(out.lobes, slice.lobes);
+    for (int k = 0; k < slice.lobes; ++k) {
+      BrdfLobe& l = out.lobe[k];
+      l.mu_x += weight[i] * slice.lobe[k].mu_x;
+      l.mu_z += weight[i] * slice.lobe[k].mu_z;
+      l.scale += weight[i] * slice.lobe[k].scale;
+      l.bias += weight[i] * slice.lobe[k].bias;
+      l.above += weight[i] * slice.lobe[k].above;
+      log_kappa[k] += weight[i] * std::log(std::max(slice.lobe[k].kappa, 1e-6f));
+      total[k] += weight[i];
+    }
+  }
+  for (int k = 0; k < out.lobes; ++k) {
+    BrdfLobe& l = out.lobe[k];
+    const float length = std::sqrt(l.mu_x * l.mu_x + l.mu_z * l.mu_z);
+    if (length > 0) l.mu_x /= length, l.mu_z /= length;
+    l.kappa = std::exp(log_kappa[k] / total[k]);
+    l.above /= total[k];
+  }
+  return out;
+}
+
 bool TransferReader::OrientNormal(uint32_t triangle, const std::array<float, 3>& barycentric,
                                   TransferPoint* point) const {
   const auto& t = domain_.triangles[triangle];
@@ -208,11 +212,10 @@ void TransferReader::InterpolateReflectance(const std::array<float, 3>& barycent
   }
   const uint16_t shape = domain_.shape[v[0]];
   const bool one_shape = shape == domain_.shape[v[1]] && shape == domain_.shape[v[2]];
-  point->slice = one_shape ? LookupSlice(domain_.shapes[shape], point->cos_o)
-                           : BlendSlices(domain_, v, barycentric, point->cos_o);
+  point->slice =
+      one_shape ? samplers_[shape].Seen(point->cos_o) : BlendSlices(v, barycentric, point->cos_o);
   const auto [tangent, normal] = IncidenceAxes(point->normal, point->wo);
   for (int k = 0; k < point->slice.lobes; ++k) {
-    point->slice.lobe[k] = AboveHorizon(point->slice.lobe[k]);
     point->lobe_mu[k] = tangent * point->slice.lobe[k].mu_x + normal * point->slice.lobe[k].mu_z;
   }
   point->diffuse_albedo = glm::vec3(0);

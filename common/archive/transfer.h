@@ -4,10 +4,12 @@
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <span>
+#include <vector>
 
 #include "common/archive/archive.h"
 #include "common/domain/bake_domain.h"
 #include "common/domain/direction_grid.h"
+#include "common/lobes/slice_sampler.h"
 #include "common/lobes/vmf.h"
 
 namespace glint {
@@ -67,7 +69,7 @@ std::array<glm::vec3, 2> IncidenceAxes(const glm::vec3& normal, const glm::vec3&
 /// Thread-safe.
 class TransferReader {
  public:
-  TransferReader(const BakeDomain& domain, const DirectionGrid& grid) : domain_(domain), grid_(grid) {}
+  TransferReader(const BakeDomain& domain, const DirectionGrid& grid);
 
   /// False where nothing is reflected: seen from behind a single-sided surface.
   bool Prepare(uint32_t triangle, float u, float v, const glm::vec3& wo, TransferPoint* point) const;
@@ -79,8 +81,13 @@ class TransferReader {
   void InterpolateReflectance(const std::array<float, 3>& barycentric, TransferPoint* point) const;
   void WeighCorners(TransferPoint* point) const;
 
+  /// The slice between three shapes (textured roughness): lobe k of each taken together.
+  BrdfSlice BlendSlices(const std::array<uint32_t, 3>& vertex, const std::array<float, 3>& weight,
+                        float cos_o) const;
+
   const BakeDomain& domain_;
   const DirectionGrid& grid_;
+  std::vector<SliceSampler> samplers_;  ///< of domain_.shapes
 };
 
 }  // namespace glint

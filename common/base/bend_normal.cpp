@@ -4,17 +4,13 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 
-namespace glint {
+namespace glint::bend_normal_internal {
 
 // In the plane of face and normal let n(a) = cos(a) face + sin(a) x, and wo's part in that plane be r (cos f,
 // sin f). The mirror direction 2 (n.wo) n - wo has height 2 r cos(a - f) cos(a) - r cos(f) = r cos(2a - f)
 // over the face. It is above `least` from a = 0 (where the height is face.wo) up to 2a = f + acos(least / r).
-glm::vec3 BendNormal(const glm::vec3& face, const glm::vec3& wo, const glm::vec3& normal) {
+glm::vec3 Bend(const glm::vec3& face, const glm::vec3& wo, const glm::vec3& normal, float least) {
   const float cos_face = glm::dot(face, wo);
-  const float least = std::min(0.9f * cos_face, 0.01f);
-  const float height = 2.0f * glm::dot(normal, wo) * glm::dot(normal, face) - cos_face;
-  if (height >= least && glm::dot(normal, wo) > 0) return normal;
-
   const glm::vec3 across = normal - glm::dot(normal, face) * face;
   const float length = glm::length(across);
   if (length < 1e-6f) return face;  // the normal is the face's, or its opposite
@@ -26,4 +22,4 @@ glm::vec3 BendNormal(const glm::vec3& face, const glm::vec3& wo, const glm::vec3
   return glm::normalize(std::cos(a) * face + std::sin(a) * x);
 }
 
-}  // namespace glint
+}  // namespace glint::bend_normal_internal

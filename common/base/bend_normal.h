@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
 
 namespace glint {
@@ -12,6 +14,21 @@ namespace glint {
 /// @param wo     unit, towards the viewer
 /// @param normal unit, interpolated
 /// @return       unit, result.wo > 0 where face.wo > 0
-glm::vec3 BendNormal(const glm::vec3& face, const glm::vec3& wo, const glm::vec3& normal);
+inline glm::vec3 BendNormal(const glm::vec3& face, const glm::vec3& wo, const glm::vec3& normal);
+
+namespace bend_normal_internal {
+
+/// The same for a normal that must bend: the mirror direction's height over the face comes to `least`.
+glm::vec3 Bend(const glm::vec3& face, const glm::vec3& wo, const glm::vec3& normal, float least);
+
+}  // namespace bend_normal_internal
+
+inline glm::vec3 BendNormal(const glm::vec3& face, const glm::vec3& wo, const glm::vec3& normal) {
+  const float cos_face = glm::dot(face, wo), cos_o = glm::dot(normal, wo);
+  const float least = std::min(0.9f * cos_face, 0.01f);
+  const float height = 2.0f * cos_o * glm::dot(normal, face) - cos_face;
+  if (height >= least && cos_o > 0) return normal;
+  return bend_normal_internal::Bend(face, wo, normal, least);
+}
 
 }  // namespace glint

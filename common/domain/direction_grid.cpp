@@ -155,15 +155,18 @@ uint32_t DirectionGrid::Walk(const glm::vec3& d, uint32_t triangle, float* weigh
   return triangle;
 }
 
+DirectionGrid::Location DirectionGrid::Normalize(uint32_t triangle, const float* weights) const {
+  const float w[3] = {std::max(weights[0], 0.0f), std::max(weights[1], 0.0f), std::max(weights[2], 0.0f)};
+  const float scale = 1 / (w[0] + w[1] + w[2]);
+  return {triangles_[triangle], {w[0] * scale, w[1] * scale, w[2] * scale}};
+}
+
 DirectionGrid::Location DirectionGrid::Locate(const glm::vec3& direction) const {
   const glm::vec2 p = Octahedral(direction) * static_cast<float>(cells_);
   const int x = std::clamp(static_cast<int>(p.x), 0, cells_ - 1),
             y = std::clamp(static_cast<int>(p.y), 0, cells_ - 1);
-  float w[3];
-  const uint32_t t = Walk(direction, start_[static_cast<size_t>(y) * cells_ + x], w);
-  for (float& value : w) value = std::max(value, 0.0f);
-  const float scale = 1 / (w[0] + w[1] + w[2]);
-  return {triangles_[t], {w[0] * scale, w[1] * scale, w[2] * scale}};
+  uint32_t start = start_[static_cast<size_t>(y) * cells_ + x];
+  return Locate(direction, &start);
 }
 
 int DirectionGrid::LevelOf(uint32_t directions) {

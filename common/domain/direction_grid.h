@@ -27,12 +27,22 @@ class DirectionGrid {
     std::array<float, 3> weight;
   };
   Location Locate(const glm::vec3& direction) const;
+  /// The same, walking from triangle *hint, which becomes the one found: fast for directions that come in an
+  /// order where each is near the one before. On a common edge of two triangles the hint decides.
+  /// @param hint  < triangles().size()
+  Location Locate(const glm::vec3& direction, uint32_t* hint) const {
+    float w[3];
+    *hint = Walk(direction, *hint, w);
+    return Normalize(*hint, w);
+  }
 
   /// Level with exactly `directions` directions, or -1.
   static int LevelOf(uint32_t directions);
 
  private:
   void BuildLocator();
+  /// The triangle and its corner weights, clamped to >= 0 and scaled to sum 1.
+  Location Normalize(uint32_t triangle, const float* weights) const;
   /// Walks from `triangle` to the one around d; its corner weights (unnormalised) go to `weights` unless
   /// null.
   uint32_t Walk(const glm::vec3& d, uint32_t triangle, float* weights) const;

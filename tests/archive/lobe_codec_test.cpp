@@ -103,18 +103,18 @@ TEST(LobeCodecTest, AlphaWithinBound) {
 }
 
 TEST(LobeCodecTest, EveryHalfDecodesAsIeeeSays) {
-  for (uint32_t code = 0; code <= lobe_codec_internal::kMaxHalf; ++code) {
+  for (uint32_t code = 0; code <= kMaxHalf; ++code) {
     const int exponent = static_cast<int>(code >> 10), mantissa = static_cast<int>(code & 1023);
     const double want =
         exponent == 0 ? std::ldexp(mantissa, -24) : std::ldexp(1024 + mantissa, exponent - 25);
-    ASSERT_EQ(lobe_codec_internal::DecodeHalf(static_cast<uint16_t>(code)), want) << code;
+    ASSERT_EQ(DecodeHalf(static_cast<uint16_t>(code)), want) << code;
   }
 }
 
 TEST(LobeCodecTest, HalvesRoundToNearestEven) {
-  for (uint32_t code = 0; code < lobe_codec_internal::kMaxHalf; ++code) {
-    const float low = lobe_codec_internal::DecodeHalf(static_cast<uint16_t>(code));
-    const float high = lobe_codec_internal::DecodeHalf(static_cast<uint16_t>(code + 1));
+  for (uint32_t code = 0; code < kMaxHalf; ++code) {
+    const float low = DecodeHalf(static_cast<uint16_t>(code));
+    const float high = DecodeHalf(static_cast<uint16_t>(code + 1));
     const float middle = (low + high) / 2;  // exact in float
     const auto alpha = [](float x) { return RoundTrip(IndirectLobe{.alpha = {x, 0, 0}}).alpha.x; };
     ASSERT_EQ(alpha(middle), code % 2 == 0 ? low : high);

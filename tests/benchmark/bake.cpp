@@ -1,5 +1,7 @@
 // Default gathering against the 2011 scheme, block by block in one interleaved run: CPU seconds, rays, and
-// the error of random slices of every layer against the 2011 scheme with 16,384 rays.
+// the error of random slices of every layer against the 2011 scheme with 16,384 rays. Those are drawn twice,
+// with unlike seeds: with truths s and t the mean of (d(a,s)^2 + d(a,t)^2 - d(s,t)^2) / 2 is the squared
+// error of a without the truths' own noise.
 //
 //   glint_benchmark_bake [--scenes teapot,goblets,knot] [--exponents 32,128,512] [--vertices 25000] [--layers
 //   3]
@@ -76,8 +78,8 @@ struct SliceValue {
 struct ErrorSums {
   double l2 = 0, alpha = 0;
   int count = 0;
-  double rms_l2() const { return count ? std::sqrt(l2 / count) : 0; }
-  double rms_alpha() const { return count ? std::sqrt(alpha / count) : 0; }
+  double rms_l2() const { return count ? std::sqrt(std::max(l2, 0.0) / count) : 0; }
+  double rms_alpha() const { return count ? std::sqrt(std::max(alpha, 0.0) / count) : 0; }
 };
 
 struct SchemeResult {
@@ -106,10 +108,13 @@ class Contest {
     paper.method = truth.method = GatherMethod::kPaper;
     truth.paper_rays = args.truth_rays;
     truth.drop = 0;
+    for (const BrdfShape& shape : domain_.shapes) samplers_.emplace_back(shape);
     truth.seed = args.settings.seed + 1;
+    truth_[0] = MakeGatherer(input_, truth, 0);
+    truth.seed = args.settings.seed + 2;
+    truth_[1] = MakeGatherer(input_, truth, 0);
     shared_ = MakeGatherer(input_, args.settings, uint64_t{8} << 30);
     paper_ = MakeGatherer(input_, paper, 0);
-    truth_ = MakeGatherer(input_, truth, 0);
   }
 
   Outcome Run() {
@@ -121,8 +126,13 @@ class Contest {
     for (int layer = 0; layer < args_.layers; ++layer) {
       const LayerViews* views = previous ? &previous->views : nullptr;
       const std::vector<TaskSpec> tasks = Tasks(layer);
-      RunLayer(layer, tasks, views, &store, &outcome);
-      if (args_.slices > 0) MeasureErrors(layer, views, &outcome);
+      const double packing = ThreadSeconds();
+      shared_->BeginLayer(layer, views, 1);
+      outcome.shared.cpu_seconds += ThreadSeconds() - packing;
+      for (Gatherer* other : {paper_.get(), truth_[0].get(), truth_[1].get()})
+        other->BeginLayer(layer, views, threads_);
+      RunLayer(tasks, &store, &outcome);
+      if (args_.slices > 0) MeasureErrors(layer, &outcome);
       Result<Layer> merged = MergeLayer(store, tasks, domain_, grid_, kDefaultTableForm, threads_);
       if (!merged.ok()) {
         std::fprintf(stderr, "merge failed: %s\n", merged.status().message().c_str());
@@ -149,19 +159,18 @@ class Contest {
     return tasks;
   }
 
-  void RunLayer(int layer, const std::vector<TaskSpec>& tasks, const LayerViews* views, ChunkStore* store,
-                Outcome* outcome) {
+  void RunLayer(const std::vector<TaskSpec>& tasks, ChunkStore* store, Outcome* outcome) {
     std::mutex mutex;
     uint64_t paper_vertices = 0;
     SchemeResult paper_sample;
     ParallelFor(tasks.size(), threads_, 1, [&](size_t i, int) {
       const double t0 = ThreadSeconds();
-      const BlockResult shared = shared_->Gather(tasks[i].block, layer, views);
+      const BlockResult shared = shared_->Gather(tasks[i].block);
       const double t1 = ThreadSeconds();
       const bool both =
           args_.paper_every > 0 && i % args_.paper_every == static_cast<size_t>(args_.paper_every) / 2;
       GatherCounters counters;
-      if (both) counters = paper_->Gather(tasks[i].block, layer, views).counters;
+      if (both) counters = paper_->Gather(tasks[i].block).counters;
       const double t2 = ThreadSeconds();
       if (!store->PutResult(tasks[i].key, SerializeBlock(shared)).ok()) std::abort();
       const std::lock_guard lock(mutex);
@@ -182,8 +191,8 @@ class Contest {
   }
 
   SliceValue Evaluate(Gatherer* gatherer, uint32_t v, uint32_t column, int slot, int layer,
-                      const LayerViews* views, const Vmf& brdf) const {
-    const BlockResult result = gatherer->Gather({v, 1, column, 1}, layer, views);
+                      const Vmf& brdf) const {
+    const BlockResult result = gatherer->Gather({v, 1, column, 1});
     const BlockRows& rows = result.slots[slot];
     if (rows.columns.empty()) return layer == 0 ? SliceValue{1, brdf} : SliceValue{0, brdf};
     if (layer == 0) {
@@ -196,7 +205,7 @@ class Contest {
     return {Luminance(lobe.alpha), {lobe.mu, lobe.kappa}};
   }
 
-  void MeasureErrors(int layer, const LayerViews* views, Outcome* outcome) {
+  void MeasureErrors(int layer, Outcome* outcome) {
     ErrorSums shared, paper;
     std::vector<std::array<double, 4>> terms(args_.slices, {0, 0, 0, 0});
     std::vector<uint8_t> counted(args_.slices, 0);
@@ -206,16 +215,26 @@ class Contest {
       const uint32_t v = rng.Bits() % domain_.vertex_count(), column = rng.Bits() % grid_.size();
       const glm::vec3& wo = grid_.direction(column);
       if (glm::dot(wo, domain_.normals[v]) <= 0) return;
-      const UnoccludedSlice slice(domain_.shapes[domain_.shape[v]], domain_.normals[v], wo);
+      const SliceSampler& sampler = samplers_[domain_.shape[v]];
+      const UnoccludedSlice slice(sampler, domain_.normals[v], wo);
       const int slot = static_cast<int>(rng.Bits() % static_cast<uint32_t>(slice.lobes.lobes));
-      const Vmf brdf{slice.seen_mu[slot], slice.seen.lobe[slot].kappa};
-      const SliceValue truth = Evaluate(truth_.get(), v, column, slot, layer, views, brdf);
-      const SliceValue a = Evaluate(shared_.get(), v, column, slot, layer, views, brdf);
-      const SliceValue b = Evaluate(paper_.get(), v, column, slot, layer, views, brdf);
+      const BrdfLobe seen = slice.Seen(sampler, slot);
+      const Vmf brdf{slice.Direction(seen), seen.kappa};
+      const SliceValue s = Evaluate(truth_[0].get(), v, column, slot, layer, brdf);
+      const SliceValue t = Evaluate(truth_[1].get(), v, column, slot, layer, brdf);
+      const SliceValue a = Evaluate(shared_.get(), v, column, slot, layer, brdf);
+      const SliceValue b = Evaluate(paper_.get(), v, column, slot, layer, brdf);
       const double norm = VmfInnerProduct(brdf, brdf);
-      terms[i] = {VmfDistance2(a.alpha, a.lobe, truth.alpha, truth.lobe) / norm,
-                  VmfDistance2(b.alpha, b.lobe, truth.alpha, truth.lobe) / norm,
-                  std::pow(a.alpha - truth.alpha, 2.0), std::pow(b.alpha - truth.alpha, 2.0)};
+      auto distance = [](const SliceValue& x, const SliceValue& y) {
+        return static_cast<double>(VmfDistance2(x.alpha, x.lobe, y.alpha, y.lobe));
+      };
+      auto l2 = [&](const SliceValue& x) {
+        return 0.5 * (distance(x, s) + distance(x, t) - distance(s, t)) / norm;
+      };
+      auto alpha = [&](const SliceValue& x) {
+        return static_cast<double>((x.alpha - s.alpha) * (x.alpha - t.alpha));
+      };
+      terms[i] = {l2(a), l2(b), alpha(a), alpha(b)};
       counted[i] = 1;
     });
     for (size_t i = 0; i < terms.size(); ++i) {
@@ -234,7 +253,8 @@ class Contest {
   const DirectionGrid grid_;
   const RayScene rays_;
   const GatherInput input_;
-  std::unique_ptr<Gatherer> shared_, paper_, truth_;
+  std::vector<SliceSampler> samplers_;
+  std::unique_ptr<Gatherer> shared_, paper_, truth_[2];
 };
 
 double WallSeconds(const Scene& scene, const std::string& name, const Arguments& args) {

@@ -31,8 +31,9 @@ struct Bench {
 
   BlockResult Gather(const BakeSettings& settings, int layer = 0,
                      const LayerViews* previous = nullptr) const {
-    return MakeGatherer(input, settings, uint64_t{1} << 30)
-        ->Gather({0, domain.vertex_count(), 0, grid.size()}, layer, previous);
+    const std::unique_ptr<Gatherer> gatherer = MakeGatherer(input, settings, uint64_t{1} << 30);
+    gatherer->BeginLayer(layer, previous, 1);
+    return gatherer->Gather({0, domain.vertex_count(), 0, grid.size()});
   }
 };
 
@@ -99,11 +100,12 @@ TEST_P(GatherMethodTest, AnyPartitionGivesTheSameSlices) {
   const BakeSettings settings = Settings();
   const BlockResult whole = bench.Gather(settings);
   const auto gatherer = MakeGatherer(bench.input, settings, 0);  // no room: every hit set is traced again
+  gatherer->BeginLayer(0, nullptr, 1);
   const uint32_t half = bench.grid.size() / 2;
   size_t row_entry = 0;
   for (uint32_t v = 0; v < 60; ++v) {
-    const BlockResult left = gatherer->Gather({v, 1, 0, half}, 0, nullptr);
-    const BlockResult right = gatherer->Gather({v, 1, half, bench.grid.size() - half}, 0, nullptr);
+    const BlockResult left = gatherer->Gather({v, 1, 0, half});
+    const BlockResult right = gatherer->Gather({v, 1, half, bench.grid.size() - half});
     std::vector<uint16_t> columns = left.slots[0].columns;
     columns.insert(columns.end(), right.slots[0].columns.begin(), right.slots[0].columns.end());
     std::vector<std::byte> entries = left.slots[0].entries;

@@ -1,0 +1,65 @@
+#include "common/lobes/slice_sampler.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/lobes/horizon.h"
+
+namespace glint {
+
+// In the frame of BrdfSlice wo = (s, c) in (x, z), the mirror direction is (-s, c), and (c, s) is across it.
+SliceSampler::SliceSampler(const BrdfShape& shape)
+    : model_(shape.model), shape_(shape.shape), lobes_(shape.lobes) {
+  nodes_.reserve(static_cast<size_t>(kIntervals + 1) * lobes_);
+  for (int i = 0; i <= kIntervals; ++i) {
+    const float t = static_cast<float>(i) / kIntervals;
+    const float c = std::max(t * t, kMinCosine), s = std::sqrt((1 - c) * (1 + c));
+    const BrdfSlice slice = LookupSlice(shape, c);
+    for (int k = 0; k < lobes_; ++k) {
+      const BrdfLobe &fitted = slice.lobe[k], seen = AboveHorizon(fitted);
+      Node node{fitted.scale, fitted.bias, fitted.above, {}, {}, {fitted.kappa, seen.kappa}};
+      node.along = {c * fitted.mu_z - s * fitted.mu_x, c * seen.mu_z - s * seen.mu_x};
+      node.across = {c * fitted.mu_x + s * fitted.mu_z, c * seen.mu_x + s * seen.mu_z};
+      nodes_.push_back(node);
+    }
+  }
+}
+
+SliceSampler::Position SliceSampler::Find(float cos_o) const {
+  const float x = std::sqrt(cos_o) * kIntervals;
+  const int node = std::min(static_cast<int>(x), kIntervals - 1);
+  return {nodes_.data() + static_cast<ptrdiff_t>(node) * lobes_, x - static_cast<float>(node)};
+}
+
+BrdfSlice SliceSampler::Interpolate(float cos_o, int form) const {
+  const float c = std::clamp(cos_o, kMinCosine, 1.0f), s = std::sqrt((1 - c) * (1 + c));
+  const auto [node, t] = Find(c);
+  BrdfSlice out;
+  out.lobes = lobes_;
+  for (int k = 0; k < lobes_; ++k) {
+    const Node &a = node[k], &b = node[lobes_ + k];
+    BrdfLobe& lobe = out.lobe[k];
+    const float along = a.along[form] + t * (b.along[form] - a.along[form]);
+    const float across = a.across[form] + t * (b.across[form] - a.across[form]);
+    const float inverse = 1 / std::sqrt(along * along + across * across);
+    lobe.mu_x = (c * across - s * along) * inverse;
+    lobe.mu_z = (c * along + s * across) * inverse;
+    lobe.kappa = a.kappa[form] + t * (b.kappa[form] - a.kappa[form]);
+    lobe.scale = a.scale + t * (b.scale - a.scale);
+    lobe.bias = a.bias + t * (b.bias - a.bias);
+    lobe.above = a.above + t * (b.above - a.above);
+  }
+  return out;
+}
+
+void SliceSampler::Weights(float cos_o, BrdfSlice* out) const {
+  const auto [node, t] = Find(std::clamp(cos_o, kMinCosine, 1.0f));
+  out->lobes = lobes_;
+  for (int k = 0; k < lobes_; ++k) {
+    const Node &a = node[k], &b = node[lobes_ + k];
+    out->lobe[k].scale = a.scale + t * (b.scale - a.scale);
+    out->lobe[k].bias = a.bias + t * (b.bias - a.bias);
+  }
+}
+
+}  // namespace glint

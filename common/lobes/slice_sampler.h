@@ -1,0 +1,46 @@
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "common/lobes/brdf_table.h"
+
+namespace glint {
+
+/// A shape's slices tabulated for fast look-ups: linear between nodes in sqrt(cos_o), four to each interval
+/// of the fit's own, with lobe directions kept relative to the mirror direction. Also tabulates what
+/// AboveHorizon makes of each lobe. Within 1e-3 of LookupSlice (directions: of a lobe's width).
+class SliceSampler {
+ public:
+  explicit SliceSampler(const BrdfShape& shape);
+
+  int lobes() const { return lobes_; }
+  BrdfModel model() const { return model_; }
+  float shape() const { return shape_; }
+  /// Slice at cos_o in [0, 1] as fitted: what samples above the surface are weighed by.
+  BrdfSlice Fitted(float cos_o) const { return Interpolate(cos_o, 0); }
+  /// The same with its lobes as they are read out whole (AboveHorizon): what stored lobes are relative to.
+  BrdfSlice Seen(float cos_o) const { return Interpolate(cos_o, 1); }
+  /// Scale and bias of every lobe's weight (BrdfLobe::Weight); the rest of the lobes is left as it is.
+  void Weights(float cos_o, BrdfSlice* out) const;
+
+ private:
+  static constexpr int kIntervals = 4 * (kElevationNodes - 1);
+  struct Node {
+    float scale, bias, above;
+    std::array<float, 2> along, across, kappa;  ///< [0] as fitted, [1] as seen; direction along the mirror's, across
+  };
+  struct Position {
+    const Node* node;  ///< of lobe 0 below cos_o; lobe k of the next node is at [lobes + k]
+    float t;
+  };
+  Position Find(float cos_o) const;
+  BrdfSlice Interpolate(float cos_o, int form) const;
+
+  BrdfModel model_;
+  float shape_;
+  int lobes_;
+  std::vector<Node> nodes_;  ///< kIntervals + 1 times lobes
+};
+
+}  // namespace glint

@@ -1,0 +1,346 @@
+#include "worker/layer_light.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <glm/geometric.hpp>
+
+#include "common/archive/lobe_codec.h"
+#include "common/archive/transfer.h"
+#include "common/base/bend_normal.h"
+#include "common/base/frame.h"
+#include "common/base/half.h"
+#include "common/base/parallel.h"
+#include "common/lobes/vmf.h"
+
+namespace glint {
+namespace {
+
+typedef float Float4 __attribute__((vector_size(16)));
+typedef uint32_t Uint4 __attribute__((vector_size(16)));
+typedef int32_t Int4 __attribute__((vector_size(16)));
+typedef uint16_t Half4 __attribute__((vector_size(8)));
+typedef int16_t Short4 __attribute__((vector_size(8)));
+
+constexpr float kDeltaScale = 1024;  ///< keeps s delta in the normal range of a half
+constexpr float kAlike = 0.5f;       ///< corners are averaged while their rms angle is at most 1 / sqrt(kappa)
+
+/// Four halves that are not negative: their bits are a float's, but for the exponent's bias.
+inline Float4 DecodeHalves(const void* p) {
+  Half4 half;
+  std::memcpy(&half, p, sizeof half);
+  const Uint4 bits = __builtin_convertvector(half, Uint4) << 13;
+  Float4 value;
+  std::memcpy(&value, &bits, sizeof value);
+  return value * 0x1p112f;
+}
+
+inline Float4 DecodeShorts(const void* p) {
+  Short4 code;
+  std::memcpy(&code, p, sizeof code);
+  return __builtin_convertvector(__builtin_convertvector(code, Int4), Float4);
+}
+
+int16_t EncodeSnorm(float x) {
+  return static_cast<int16_t>(std::lround(std::clamp(x, -1.0f, 1.0f) * 32767.0f));
+}
+
+float MeanCosine(float kappa) {
+  // Beyond kappa = 12 the hyperbolic cotangent is 1 to the last bit of a float.
+  return kappa > 12 ? 1 - 1 / kappa : MeanCosineFromKappa(kappa);
+}
+
+}  // namespace
+
+/// A look-up between its stages.
+struct LayerLight::Pending {
+  const Triangle* triangle;
+  std::array<float, 3> barycentric;
+  float side;  ///< -1: seen from behind
+  glm::vec3 wo, normal;
+  float cos_o;
+  std::array<uint32_t, 3> column;
+  std::array<float, 9> weight;           ///< of (vertex i, column j) at [3 i + j]
+  std::array<const Entry*, 9> entry;     ///< of lobe 0
+};
+
+/// Weighted sums over corners: of Entry::linear, and of strength times Entry::vector.
+struct LayerLight::Sums {
+  Float4 linear = {}, vector = {};
+  float strength = 0;
+  void Add(float weight, const Entry& entry) {
+    const Float4 first = DecodeHalves(&entry.linear), second = DecodeHalves(&entry.vector);
+    linear += weight * first;
+    const float share = weight * second[3];
+    strength += share;
+    vector += share * DecodeShorts(&entry.vector);
+  }
+  glm::vec3 rgb() const { return {linear[0], linear[1], linear[2]}; }
+  glm::vec3 direction() const { return glm::vec3(vector[0], vector[1], vector[2]) * (1 / 32767.0f); }
+};
+
+LayerLight::LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views,
+                       int layer, int threads)
+    : domain_(domain),
+      grid_(grid),
+      layer_(layer),
+      lobes_(static_cast<int>(views.specular.size())),
+      words_((grid.size() + kWordColumns - 1) / kWordColumns) {
+  for (const BrdfShape& shape : domain.shapes) samplers_.emplace_back(shape);
+  Entry absent{};
+  if (layer == 0) absent = {{EncodeHalf(1), EncodeHalf(1), 0, 0}, {0, 0, 0}, EncodeHalf(1)};
+  absent_.assign(static_cast<size_t>(std::max(lobes_, 1)), absent);
+  empty_row_.assign(words_, 0);
+  PackSurface();
+  PackRows(views, threads);
+  if (domain.has_diffuse()) PackDiffuse(views);
+}
+
+void LayerLight::PackSurface() {
+  triangles_.reserve(domain_.triangles.size());
+  for (size_t i = 0; i < domain_.triangles.size(); ++i) {
+    const auto& t = domain_.triangles[i];
+    const glm::vec3& p = domain_.positions[t[0]];
+    const glm::vec3 cross = glm::cross(domain_.positions[t[1]] - p, domain_.positions[t[2]] - p);
+    const float length2 = glm::dot(cross, cross);
+    const bool one_shape =
+        domain_.shape[t[0]] == domain_.shape[t[1]] && domain_.shape[t[0]] == domain_.shape[t[2]];
+    triangles_.push_back({t, length2 > 1e-20f ? cross / std::sqrt(length2) : glm::vec3(0),
+                          domain_.triangle_double_sided[i], one_shape});
+  }
+  vertices_.reserve(domain_.vertex_count());
+  for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
+    vertices_.push_back({domain_.normals[v], domain_.specular[v], domain_.diffuse[v], domain_.shape[v],
+                         empty_row_.data()});
+}
+
+LayerLight::Entry LayerLight::Pack(const std::byte* stored) const {
+  if (layer_ == 0) {
+    const DirectLobe lobe = DecodeDirect(stored);
+    return {{EncodeHalf(lobe.fraction), EncodeHalf(lobe.fraction * lobe.kappa_ratio), 0, 0},
+            {EncodeSnorm(0.5f * lobe.shift.x), EncodeSnorm(0.5f * lobe.shift.y),
+             EncodeSnorm(0.5f * lobe.shift.z)},
+            EncodeHalf(lobe.fraction)};
+  }
+  const IndirectLobe lobe = DecodeIndirect(stored);
+  const float strength = Luminance(lobe.alpha);
+  const float spread = strength * (lobe.kappa > 0 ? DeltaFromKappa(lobe.kappa) : 1.0f) * kDeltaScale;
+  return {{EncodeHalf(lobe.alpha.x), EncodeHalf(lobe.alpha.y), EncodeHalf(lobe.alpha.z),
+           EncodeHalf(spread)},
+          {EncodeSnorm(lobe.mu.x), EncodeSnorm(lobe.mu.y), EncodeSnorm(lobe.mu.z)},
+          EncodeHalf(strength)};
+}
+
+void LayerLight::PackRows(const LayerViews& views, int threads) {
+  if (views.specular.empty()) return;
+  const uint32_t rows = domain_.vertex_count();
+  const size_t row_head = (words_ * sizeof(uint64_t) + sizeof(Entry) - 1) / sizeof(Entry);
+  std::vector<uint64_t> begin(rows + size_t{1}, 0);
+  // A row's words: which columns any lobe has, and before each word how many.
+  auto mark = [&](uint32_t v, uint64_t* words) {
+    std::fill_n(words, words_, 0);
+    for (const SliceTableView& table : views.specular)
+      table.Row(v).ForEach([&](uint32_t column, const std::byte*) {
+        words[column / kWordColumns] |= uint64_t{1} << (column % kWordColumns);
+      });
+    uint64_t rank = 0;
+    for (uint32_t w = 0; w < words_; ++w) {
+      const auto count = static_cast<uint64_t>(std::popcount(words[w]));
+      words[w] |= rank << kWordColumns;
+      rank += count;
+    }
+    return rank;
+  };
+  auto stored = [&](uint32_t v) {
+    return std::any_of(views.specular.begin(), views.specular.end(),
+                       [&](const SliceTableView& table) { return !table.RowEmpty(v); });
+  };
+  constexpr size_t kGrain = 256;
+  ParallelFor(rows, threads, kGrain, [&](size_t v, int) {
+    if (!stored(static_cast<uint32_t>(v))) return;
+    std::vector<uint64_t> words(words_);
+    begin[v + 1] = row_head + mark(static_cast<uint32_t>(v), words.data()) * static_cast<size_t>(lobes_);
+  });
+  for (uint32_t v = 0; v < rows; ++v) begin[v + 1] += begin[v];
+  rows_.resize(begin[rows]);
+  ParallelFor(rows, threads, kGrain, [&](size_t v, int) {
+    if (begin[v + 1] == begin[v]) return;
+    Entry* row = rows_.data() + begin[v];
+    std::vector<uint64_t> words(words_);
+    mark(static_cast<uint32_t>(v), words.data());
+    std::memcpy(static_cast<void*>(row), words.data(), words_ * sizeof(uint64_t));
+    Entry* entry = row + row_head;
+    for (uint32_t column = 0; column < grid_.size(); ++column) {
+      if ((words[column / kWordColumns] >> (column % kWordColumns) & 1) == 0) continue;
+      for (int k = 0; k < lobes_; ++k) {
+        const std::byte* bytes = views.specular[k].Find(static_cast<uint32_t>(v), column);
+        *entry++ = bytes ? Pack(bytes) : absent_[0];
+      }
+    }
+    vertices_[v].row = reinterpret_cast<const uint64_t*>(row);
+  });
+}
+
+void LayerLight::PackDiffuse(const LayerViews& views) {
+  diffuse_.assign(2 * static_cast<size_t>(domain_.vertex_count()), absent_[0]);
+  for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
+    views.diffuse.Row(v).ForEach(
+        [&](uint32_t side, const std::byte* bytes) { diffuse_[2 * size_t{v} + side] = Pack(bytes); });
+}
+
+void LayerLight::Look(std::span<const LightQuery> queries, HitLight* out) const {
+  Pending pending[kBatch];
+  uint32_t hint = 0;
+  for (size_t first = 0; first < queries.size(); first += kBatch) {
+    const size_t count = std::min<size_t>(kBatch, queries.size() - first);
+    const LightQuery* query = queries.data() + first;
+    for (size_t i = 0; i < count; ++i) __builtin_prefetch(&triangles_[query[i].triangle]);
+    for (size_t i = 0; i < count; ++i)
+      for (const uint32_t v : triangles_[query[i].triangle].vertex) __builtin_prefetch(&vertices_[v]);
+    bool reflects[kBatch];
+    for (size_t i = 0; i < count; ++i) {
+      reflects[i] = Orient(query[i], &pending[i]);
+      if (reflects[i]) Locate(query[i].wo, &hint, &pending[i]);
+    }
+    for (size_t i = 0; i < count; ++i)
+      if (reflects[i]) FindEntries(&pending[i]);
+    for (size_t i = 0; i < count; ++i) out[first + i] = reflects[i] ? Evaluate(pending[i]) : HitLight{};
+  }
+}
+
+bool LayerLight::Orient(const LightQuery& query, Pending* hit) const {
+  const Triangle& t = triangles_[query.triangle];
+  glm::vec3 face = t.normal;
+  const bool back = glm::dot(face, query.wo) < 0;
+  if (back && !t.double_sided) return false;
+  hit->triangle = &t;
+  hit->barycentric = {1 - query.u - query.v, query.u, query.v};
+  hit->side = back ? -1.0f : 1.0f;
+  hit->wo = query.wo;
+  face *= hit->side;
+  if (face == glm::vec3(0)) face = query.wo;
+  glm::vec3 n(0);
+  for (int i = 0; i < 3; ++i) n += hit->barycentric[i] * vertices_[t.vertex[i]].normal;
+  const float length2 = glm::dot(n, n);
+  n = length2 > 1e-20f ? n * (hit->side / std::sqrt(length2)) : face;
+  hit->normal = BendNormal(face, query.wo, n);
+  hit->cos_o = std::max(glm::dot(hit->normal, query.wo), kMinCosine);
+  return true;
+}
+
+/// The grid directions around wo and the corners' weights; also fetches what tells where their entries are.
+void LayerLight::Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit) const {
+  const DirectionGrid::Location location = grid_.Locate(wo, hint);
+  hit->column = location.index;
+  const glm::vec3 direction[3] = {grid_.direction(location.index[0]), grid_.direction(location.index[1]),
+                                  grid_.direction(location.index[2])};
+  float total = 0;
+  for (int i = 0; i < 3; ++i) {
+    const Vertex& vertex = vertices_[hit->triangle->vertex[i]];
+    const glm::vec3 n = hit->side * vertex.normal;
+    for (int j = 0; j < 3; ++j) {
+      const float w =
+          glm::dot(n, direction[j]) > 0 ? hit->barycentric[i] * location.weight[j] : 0.0f;
+      hit->weight[3 * i + j] = w;
+      total += w;
+      __builtin_prefetch(vertex.row + location.index[j] / kWordColumns);
+    }
+  }
+  const float scale = total > 0 ? 1 / total : 0;
+  for (float& w : hit->weight) w *= scale;
+}
+
+void LayerLight::FindEntries(Pending* hit) const {
+  const size_t head = (words_ * sizeof(uint64_t) + sizeof(Entry) - 1) / sizeof(Entry);
+  for (int i = 0; i < 3; ++i) {
+    const uint64_t* row = vertices_[hit->triangle->vertex[i]].row;
+    const Entry* entries = reinterpret_cast<const Entry*>(row) + head;
+    for (int j = 0; j < 3; ++j) {
+      const uint32_t column = hit->column[j], shift = column % kWordColumns;
+      const uint64_t word = row[column / kWordColumns];
+      const Entry* entry = absent_.data();
+      if (word >> shift & 1) {
+        const uint64_t below = word & ((uint64_t{1} << shift) - 1);
+        const uint64_t rank = (word >> kWordColumns) + table_internal::CountPair(below, 0);
+        entry = entries + rank * static_cast<uint64_t>(lobes_);
+        __builtin_prefetch(entry);
+      }
+      hit->entry[3 * i + j] = entry;
+    }
+  }
+}
+
+HitLight LayerLight::Evaluate(const Pending& hit) const {
+  HitLight out;
+  const auto& v = hit.triangle->vertex;
+  const Vertex* vertex[3] = {&vertices_[v[0]], &vertices_[v[1]], &vertices_[v[2]]};
+  glm::vec3 specular(0), diffuse(0);
+  for (int i = 0; i < 3; ++i) {
+    specular += hit.barycentric[i] * vertex[i]->specular;
+    diffuse += hit.barycentric[i] * vertex[i]->diffuse;
+  }
+  // Between unlike shapes (textured roughness) the nearest corner's serves.
+  int nearest = 0;
+  if (!hit.triangle->one_shape)
+    for (int i = 1; i < 3; ++i)
+      if (hit.barycentric[i] > hit.barycentric[nearest]) nearest = i;
+  const SliceSampler& sampler = samplers_[vertex[nearest]->shape];
+
+  BrdfSlice slice;
+  std::array<glm::vec3, 2> axes;
+  if (layer_ == 0) {
+    slice = sampler.Seen(hit.cos_o);
+    axes = IncidenceAxes(hit.normal, hit.wo);
+  } else {
+    sampler.Weights(hit.cos_o, &slice);
+  }
+  for (int k = 0; k < slice.lobes; ++k) {
+    Sums sums;
+    for (int corner = 0; corner < 9; ++corner) sums.Add(hit.weight[corner], hit.entry[corner][k]);
+    const BrdfLobe& lobe = slice.lobe[k];
+    if (layer_ == 0) {
+      AddDirect(sums, lobe.Weight(specular), axes[0] * lobe.mu_x + axes[1] * lobe.mu_z, lobe.kappa, &out);
+    } else {
+      AddIndirect(sums, lobe.Weight(specular), &out);
+    }
+  }
+  if (diffuse_.empty() || diffuse.x + diffuse.y + diffuse.z <= 0) return out;
+  const glm::vec3 albedo = DiffuseAlbedo({sampler.model(), sampler.shape(), specular, diffuse}, hit.cos_o);
+  Sums sums;
+  for (int i = 0; i < 3; ++i) sums.Add(hit.barycentric[i], diffuse_[2 * size_t{v[i]} + (hit.side < 0)]);
+  if (layer_ == 0) {
+    AddDirect(sums, albedo, hit.normal, kCosineKappa, &out);
+  } else {
+    AddIndirect(sums, albedo, &out);
+  }
+  return out;
+}
+
+void LayerLight::AddDirect(const Sums& sums, const glm::vec3& weight, const glm::vec3& mu, float kappa,
+                           HitLight* out) const {
+  const float fraction = std::min(sums.linear[0], 1.0f);
+  if (fraction <= 0) return;
+  const float ratio = sums.linear[1] / sums.linear[0];
+  const glm::vec3 alpha = weight * fraction;
+  const glm::vec3 turned = mu + 2 / sums.linear[0] * sums.direction();
+  const float length = glm::length(turned);
+  const float strength = Luminance(alpha) * MeanCosine(std::min(kappa * ratio, kMaxKappa));
+  out->alpha += alpha;
+  out->moment += length > 1e-10f ? turned * (strength / length) : mu * strength;
+}
+
+void LayerLight::AddIndirect(const Sums& sums, const glm::vec3& weight, HitLight* out) const {
+  const float strength = sums.strength;
+  if (strength <= 0) return;
+  const float spread = std::min(sums.linear[3] * (1 / kDeltaScale), strength);
+  const glm::vec3 alpha = sums.rgb() * weight, direction = sums.direction();
+  // 1 - |mean of mu| is the corners' mean 1 - cos from their common direction. Like corners are one lobe with
+  // their mean width; unlike ones each keep their own place.
+  const float length = glm::length(direction);
+  const bool alike = strength - length <= kAlike * spread && length > 0;
+  out->alpha += alpha;
+  out->moment += direction * (Luminance(alpha) * (1 - spread / strength) / (alike ? length : strength));
+}
+
+}  // namespace glint

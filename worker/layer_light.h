@@ -1,0 +1,101 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "common/archive/archive.h"
+#include "common/domain/bake_domain.h"
+#include "common/domain/direction_grid.h"
+#include "common/lobes/slice_sampler.h"
+
+namespace glint {
+
+/// Where a ray met a surface, and the unit direction back along it (world).
+struct LightQuery {
+  uint32_t triangle;
+  float u, v;
+  glm::vec3 wo;
+};
+
+/// Zeroth and first moment of the light that one layer sends from a surface point towards wo: alpha (RGB),
+/// and the sum of luminance(alpha) ||r|| mu; zeros where nothing is reflected. Merging over hits is adding
+/// these (laurijssen2011 Eq. 10, 11 without the divisions).
+struct HitLight {
+  glm::vec3 alpha{0}, moment{0};
+};
+
+/// One layer's tables packed for look-ups at hits, of which a bake makes hundreds of millions. It answers
+/// what TransferReader answers (interpolation over three vertices and three directions, Eq. 7), but only in
+/// moments: corners that are too far apart to be averaged are each kept, not grouped. Entries are decoded
+/// once into sixteen bytes that add up with two multiply-adds, all lobes of a (vertex, direction) side by
+/// side; look-ups run in batches whose stages prefetch what the next will read. Memory: 16 bytes a stored
+/// lobe, and 8 bytes for each 48 directions of a vertex. Immutable; thread-safe.
+class LayerLight {
+ public:
+  LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views, int layer,
+             int threads);
+
+  /// out[i] answers queries[i]. Queries in a row that are near each other go faster; the answers do not
+  /// depend on that.
+  void Look(std::span<const LightQuery> queries, HitLight* out) const;
+
+ private:
+  static constexpr int kBatch = 32;
+  static constexpr uint32_t kWordColumns = 48;  ///< a row's word: 48 columns' bits, and 16 bits of rank
+
+  /// One lobe as two times four terms: what is linear in the corner's weight, and a vector that also carries
+  /// the strength beside it.
+  ///   direct:   halves f, f kappa_ratio, 0, 0;  signed shift / 2 and half f
+  ///   indirect: halves alpha r, g, b, s delta 2^10;  signed mu and half s
+  /// with s = luminance(alpha) and delta = 1 - r(kappa).
+  struct alignas(16) Entry {
+    std::array<uint16_t, 4> linear;
+    std::array<int16_t, 3> vector;
+    uint16_t strength;
+  };
+  struct alignas(32) Triangle {
+    std::array<uint32_t, 3> vertex;
+    glm::vec3 normal;  ///< unit, geometric
+    uint32_t double_sided;
+    uint32_t one_shape;
+  };
+  struct alignas(64) Vertex {
+    glm::vec3 normal, specular, diffuse;
+    uint32_t shape;
+    const uint64_t* row;  ///< words, then entries; a shared one without entries where nothing is stored
+  };
+  struct Pending;
+  struct Sums;
+
+  void PackSurface();
+  void PackRows(const LayerViews& views, int threads);
+  void PackDiffuse(const LayerViews& views);
+  Entry Pack(const std::byte* stored) const;
+  bool Orient(const LightQuery& query, Pending* hit) const;
+  void Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit) const;
+  void FindEntries(Pending* hit) const;
+  HitLight Evaluate(const Pending& hit) const;
+  void AddDirect(const Sums& sums, const glm::vec3& weight, const glm::vec3& mu, float kappa,
+                 HitLight* out) const;
+  void AddIndirect(const Sums& sums, const glm::vec3& weight, HitLight* out) const;
+
+  const BakeDomain& domain_;
+  const DirectionGrid& grid_;
+  const int layer_;
+  const int lobes_;
+  const uint32_t words_;  ///< of a row
+  std::vector<SliceSampler> samplers_;
+  std::vector<Triangle> triangles_;
+  std::vector<Vertex> vertices_;
+  std::vector<Entry> absent_;  ///< as many as lobes: what a direction without an entry stands for
+  std::vector<uint64_t> empty_row_;
+  std::vector<Entry> rows_;     ///< all rows; their words take up entries, too
+  std::vector<Entry> diffuse_;  ///< [2 vertex + side]; empty if nothing is diffuse
+};
+
+}  // namespace glint
