@@ -37,7 +37,7 @@ Json DescribeSettings(const BakeOptions& options) {
     json.update({{"rays_per_kappa", s.rays_per_kappa},
                  {"min_rays", s.min_rays},
                  {"max_rays", s.max_rays},
-                 {"split_cells", s.split_cells}});
+                 {"split_levels", s.split_levels}});
   } else {
     json["paper_rays"] = s.paper_rays;
   }

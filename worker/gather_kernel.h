@@ -17,7 +17,7 @@ struct SampleArrays {
   const float* y;
   const float* z;
   const float* solid_angle;  ///< sr; 0 for padding and invalid samples
-  const float* blocked;      ///< 1 where the sample met a surface, else 0
+  const float* blocked;      ///< part of the sample that meets a surface, in [0, 1]
   const float*
       light[6];  ///< alpha r, g, b and first moment x, y, z that the surface sends back; 0 where unblocked
   const uint32_t* tile_begin;   ///< tiles + 1 offsets, multiples of kLanes

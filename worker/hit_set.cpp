@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <numeric>
+#include <utility>
 
 #include "common/base/rng.h"
 
 namespace glint {
 namespace {
-
-using Outcome = HitSet::Outcome;
 
 /// Side of the lattice that serves a shape: rays_per_kappa rays per unit of its sharpest kappa, within the
 /// bounds.
@@ -28,81 +28,84 @@ SurfaceHit Quantize(const Hit& hit) {
           static_cast<uint16_t>(std::lround(std::clamp(hit.v, 0.0f, 1.0f) * 65535))};
 }
 
-/// One side of one vertex being traced.
+/// The samples of one level that were traced.
+struct FanLevel {
+  std::vector<int> index;  ///< in the lattice, ascending
+  std::vector<uint8_t> outcome;
+  std::vector<Hit> hits;
+};
+
+/// One side of one vertex being traced: every cell, then the quarters of those at whose border a neighbour
+/// sees another outcome, and theirs again.
 class Fan {
  public:
   Fan(const GatherInput& input, const SurfaceVertices& surface, const VertexSide& side, uint32_t vertex,
-      const Frame& frame)
-      : input_(input), surface_(surface), side_(side), vertex_(vertex), frame_(frame) {}
+      const Frame& frame, const HemisphereLattice& lattice)
+      : input_(input), surface_(surface), side_(side), vertex_(vertex), frame_(frame), lattice_(lattice) {}
 
-  void TraceCells(const HemisphereLattice& lattice) {
-    rays_.resize(lattice.cells());
-    hits_.resize(lattice.cells());
-    for (int c = 0; c < lattice.cells(); ++c) rays_[c] = MakeRay(lattice.direction(c));
-    input_.rays.IntersectCoherent(rays_.data(), hits_.data(), lattice.cells());
-    outcomes_.resize(lattice.cells());
-    for (int c = 0; c < lattice.cells(); ++c) outcomes_[c] = Classify(rays_[c].direction, hits_[c]);
+  void Trace(int split_levels) {
+    levels_[0].index.resize(lattice_.cells());
+    std::iota(levels_[0].index.begin(), levels_[0].index.end(), 0);
+    TraceLevel(0);
+    for (int level = 0; level < split_levels; ++level) {
+      Split(level);
+      TraceLevel(level + 1);
+    }
   }
 
-  /// Cells whose right or lower neighbour sees something else, and those neighbours.
-  std::vector<int> CellsToSplit(const HemisphereLattice& lattice) const {
-    std::vector<uint8_t> split(lattice.cells(), 0);
-    for (int c = 0; c < lattice.cells(); ++c)
-      for (const int other : {lattice.right(c), lattice.below(c)})
-        if (other >= 0 && Differ(c, other)) split[c] = split[other] = 1;
-    std::vector<int> cells;
-    for (int c = 0; c < lattice.cells(); ++c)
-      if (split[c] && outcomes_[c] != Outcome::kInvalid) cells.push_back(c);
-    return cells;
-  }
-
-  void TraceQuarters(const HemisphereLattice& lattice, const std::vector<int>& cells,
-                     std::vector<Outcome>* outcomes, std::vector<Hit>* hits) {
-    const size_t count = cells.size() * 4;
-    quarter_rays_.resize(count);
-    hits->resize(count);
-    outcomes->resize(count);
-    for (size_t i = 0; i < count; ++i)
-      quarter_rays_[i] = MakeRay(lattice.quarter(cells[i / 4], static_cast<int>(i % 4)));
-    input_.rays.IntersectCoherent(quarter_rays_.data(), hits->data(), static_cast<int>(count));
-    for (size_t i = 0; i < count; ++i) (*outcomes)[i] = Classify(quarter_rays_[i].direction, (*hits)[i]);
-  }
-
-  const std::vector<Outcome>& outcomes() const { return outcomes_; }
-  const std::vector<Hit>& hits() const { return hits_; }
+  const FanLevel& level(int i) const { return levels_[i]; }
 
  private:
-  Ray MakeRay(const glm::vec3& local) const {
-    Ray ray;
-    ray.origin = side_.origin;
-    ray.direction = frame_.ToWorld(local);
-    return ray;
+  void TraceLevel(int level) {
+    FanLevel& l = levels_[level];
+    const size_t count = l.index.size();
+    rays_.resize(count);
+    l.hits.resize(count);
+    l.outcome.resize(count);
+    for (size_t i = 0; i < count; ++i) {
+      rays_[i].origin = side_.origin;
+      rays_[i].direction = frame_.ToWorld(lattice_.direction(level, l.index[i]));
+    }
+    input_.rays.IntersectCoherent(rays_.data(), l.hits.data(), static_cast<int>(count));
+    for (size_t i = 0; i < count; ++i) l.outcome[i] = Classify(rays_[i].direction, l.hits[i]);
+  }
+
+  /// Marks the level's samples that a neighbour's outcome differs from, and lists their quarters.
+  void Split(int level) {
+    const int side = lattice_.side() << level;
+    std::vector<uint8_t> map(static_cast<size_t>(side) * side);
+    FanLevel& l = levels_[level];
+    if (level > 0)  // what is seen where the level has no samples
+      for (int y = 0; y < side; ++y)
+        for (int x = 0; x < side; ++x)
+          map[static_cast<size_t>(y) * side + x] = map_[static_cast<size_t>(y / 2) * (side / 2) + x / 2];
+    auto at = [&](int x, int y) -> uint8_t& { return map[static_cast<size_t>(y) * side + x]; };
+    for (size_t i = 0; i < l.index.size(); ++i) {
+      const auto [x, y] = lattice_.place(level, l.index[i]);
+      at(x, y) = l.outcome[i];
+    }
+    std::vector<int>& quarters = levels_[level + 1].index;
+    for (size_t i = 0; i < l.index.size(); ++i) {
+      const uint8_t mine = l.outcome[i];
+      if (mine == HitSet::kInvalid) continue;
+      const auto [x, y] = lattice_.place(level, l.index[i]);
+      const bool edge = (x > 0 && at(x - 1, y) != mine) || (x + 1 < side && at(x + 1, y) != mine) ||
+                        (y > 0 && at(x, y - 1) != mine) || (y + 1 < side && at(x, y + 1) != mine);
+      if (!edge) continue;
+      l.outcome[i] = HitSet::kSplit;
+      for (int q = 0; q < 4; ++q) quarters.push_back(4 * l.index[i] + q);
+    }
+    map_ = std::move(map);
   }
 
   /// Directions under the faces around the vertex do not leave the surface: neither free nor blocked. The
   /// lobe's weight is shared out among the directions that do, as when a normal is bent towards its face.
-  Outcome Classify(const glm::vec3& direction, const Hit& hit) const {
-    if (glm::dot(direction, side_.geometric) <= 0) return Outcome::kInvalid;
-    if (!hit.hit()) return Outcome::kFree;
+  uint8_t Classify(const glm::vec3& direction, const Hit& hit) const {
+    if (glm::dot(direction, side_.geometric) <= 0) return HitSet::kInvalid;
+    if (!hit.hit()) return HitSet::kFree;
     if (hit.t < surface_.touch_distance(vertex_) && surface_.Incident(hit.triangle, vertex_))
-      return Outcome::kInvalid;
-    return Outcome::kHit;
-  }
-
-  glm::vec3 FaceNormal(uint32_t triangle) const {
-    const auto& t = input_.domain.triangles[triangle];
-    const glm::vec3& p = input_.domain.positions[t[0]];
-    return glm::cross(input_.domain.positions[t[1]] - p, input_.domain.positions[t[2]] - p);
-  }
-
-  bool Differ(int a, int b) const {
-    constexpr float kDepthRatio = 1.5f, kNormalCosine = 0.3f;
-    if (outcomes_[a] != outcomes_[b]) return true;
-    if (outcomes_[a] != Outcome::kHit || hits_[a].triangle == hits_[b].triangle) return false;
-    const auto [near, far] = std::minmax(hits_[a].t, hits_[b].t);
-    if (far > kDepthRatio * near) return true;
-    const glm::vec3 na = FaceNormal(hits_[a].triangle), nb = FaceNormal(hits_[b].triangle);
-    return glm::dot(na, nb) < kNormalCosine * std::sqrt(glm::dot(na, na) * glm::dot(nb, nb));
+      return HitSet::kInvalid;
+    return HitSet::kHit;
   }
 
   const GatherInput& input_;
@@ -110,9 +113,58 @@ class Fan {
   const VertexSide side_;
   const uint32_t vertex_;
   const Frame frame_;
-  std::vector<Ray> rays_, quarter_rays_;
-  std::vector<Hit> hits_;
-  std::vector<Outcome> outcomes_;
+  const HemisphereLattice& lattice_;
+  std::array<FanLevel, HemisphereLattice::kLevels> levels_;
+  std::vector<Ray> rays_;
+  std::vector<uint8_t> map_;  ///< outcomes over the square at the last level's resolution
+};
+
+/// Puts a fan's levels together.
+class HitSetBuilder {
+ public:
+  explicit HitSetBuilder(const Fan& fan) : fan_(fan) {}
+
+  HitSet Build() {
+    const FanLevel &cells = fan_.level(0), &quarters = fan_.level(1);
+    set_.cells = static_cast<uint32_t>(cells.outcome.size());
+    set_.outcome.reserve(cells.outcome.size() + quarters.outcome.size());
+    set_.outcome = cells.outcome;
+    size_t quarter = 0;
+    for (size_t c = 0; c < cells.outcome.size(); ++c) {
+      if (cells.outcome[c] == HitSet::kHit) set_.hits.push_back(Quantize(cells.hits[c]));
+      if (cells.outcome[c] != HitSet::kSplit) continue;
+      for (int q = 0; q < 4; ++q) AddQuarter(quarters, quarter++);
+    }
+    for (int level = 0; level < HemisphereLattice::kLevels; ++level)
+      set_.rays += fan_.level(level).outcome.size();
+    set_.hits.shrink_to_fit();
+    return std::move(set_);
+  }
+
+ private:
+  void AddQuarter(const FanLevel& quarters, size_t i) {
+    uint8_t outcome = quarters.outcome[i];
+    if (outcome == HitSet::kHit) set_.hits.push_back(Quantize(quarters.hits[i]));
+    if (outcome == HitSet::kSplit) outcome = Partial();
+    set_.outcome.push_back(outcome);
+  }
+
+  /// The next four rays of the finest level; the light that they meet is taken from one of them.
+  uint8_t Partial() {
+    const FanLevel& finest = fan_.level(2);
+    int leaving = 0, blocked = 0;
+    for (int q = 0; q < 4; ++q, ++next_finest_) {
+      leaving += finest.outcome[next_finest_] != HitSet::kInvalid;
+      if (finest.outcome[next_finest_] != HitSet::kHit) continue;
+      if (blocked++ == 0) set_.hits.push_back(Quantize(finest.hits[next_finest_]));
+    }
+    if (leaving == 0) return HitSet::kInvalid;
+    return static_cast<uint8_t>(HitSet::kPartial + 4 * blocked + leaving - 1);
+  }
+
+  const Fan& fan_;
+  HitSet set_;
+  size_t next_finest_ = 0;
 };
 
 }  // namespace
@@ -134,14 +186,20 @@ TileCones HemisphereSamples::ConeArrays::Pad() {
   return {x.data(), y.data(), z.data(), cos_radius.data(), sin_radius.data(), static_cast<int>(x.size())};
 }
 
-inline void HemisphereSamples::AddSample(const glm::vec3& direction, float solid_angle, Outcome outcome) {
-  if (outcome == Outcome::kInvalid) return;
-  if (outcome == Outcome::kHit) hit_sample_.push_back(count_);
+inline void HemisphereSamples::AddSample(const glm::vec3& direction, float solid_angle, uint8_t outcome) {
+  if (outcome == HitSet::kInvalid) return;
+  float blocked = outcome == HitSet::kHit ? 1.0f : 0.0f;
+  if (outcome >= HitSet::kPartial) {
+    const int leaving = ((outcome - HitSet::kPartial) & 3) + 1;
+    blocked = static_cast<float>((outcome - HitSet::kPartial) >> 2) / static_cast<float>(leaving);
+    solid_angle *= 0.25f * static_cast<float>(leaving);
+  }
+  if (blocked > 0) hit_sample_.push_back(count_);
   x_[count_] = direction.x;
   y_[count_] = direction.y;
   z_[count_] = direction.z;
   solid_angle_[count_] = solid_angle;
-  blocked_[count_] = outcome == Outcome::kHit ? 1.0f : 0.0f;
+  blocked_[count_] = blocked;
   ++count_;
 }
 
@@ -156,21 +214,24 @@ void HemisphereSamples::Expand(const HitSet& hits, const HemisphereLattice& latt
   hit_sample_.clear();
   cone_arrays_.Clear();
   blocked_cone_arrays_.Clear();
-  const float solid_angle = lattice.solid_angle();
-  const Outcome* outcome = hits.outcome.data();
-  const Outcome* quarter = outcome + lattice.cells();
+  const uint8_t* outcome = hits.outcome.data();
+  const uint8_t* quarter = outcome + hits.cells;
   for (int tile = 0; tile < tiles_; ++tile) {
     tile_begin_.push_back(count_);
     const size_t hits_before = hit_sample_.size();
     const int first_cell = tile * HemisphereLattice::kTileCells;
     for (int c = first_cell; c < first_cell + HemisphereLattice::kTileCells; ++c) {
-      if (outcome[c] != Outcome::kSplit) {
-        AddSample(lattice.direction(c), solid_angle, outcome[c]);
-        continue;
+      if (outcome[c] == HitSet::kSplit) {
+        for (int q = 0; q < 4; ++q)
+          AddSample(lattice.direction(1, 4 * c + q), lattice.solid_angle(1), *quarter++);
+      } else {
+        AddSample(lattice.direction(0, c), lattice.solid_angle(0), outcome[c]);
       }
-      for (int q = 0; q < 4; ++q) AddSample(lattice.quarter(c, q), 0.25f * solid_angle, *quarter++);
     }
-    while (count_ % kLanes != 0) AddSample({0, 0, 1}, 0, Outcome::kFree);
+    for (; count_ % kLanes != 0; ++count_) {
+      x_[count_] = y_[count_] = solid_angle_[count_] = blocked_[count_] = 0;
+      z_[count_] = 1;
+    }
     const bool blocked = hit_sample_.size() > hits_before;
     tile_blocked_.push_back(blocked);
     cone_arrays_.Add(lattice.tile_cone(tile));
@@ -196,8 +257,8 @@ void HemisphereSamples::Shade(const HitSet& hits, const Frame& frame, const Laye
   for (size_t h = 0; h < count; ++h) {
     const uint32_t i = hit_sample_[h];
     for (int c = 0; c < 3; ++c) {
-      light_[c][i] = answers_[h].alpha[c];
-      light_[3 + c][i] = answers_[h].moment[c];
+      light_[c][i] = blocked_[i] * answers_[h].alpha[c];
+      light_[3 + c][i] = blocked_[i] * answers_[h].moment[c];
     }
   }
 }
@@ -246,29 +307,9 @@ Frame HitSetCache::LatticeFrame(uint32_t vertex, bool back) const {
 
 std::unique_ptr<HitSet> HitSetCache::Trace(uint32_t vertex, bool back) const {
   const HemisphereLattice& lattice = this->lattice(vertex);
-  Fan fan(input_, surface_, surface_.side(vertex, back), vertex, LatticeFrame(vertex, back));
-  fan.TraceCells(lattice);
-  const std::vector<int> split = settings_.split_cells ? fan.CellsToSplit(lattice) : std::vector<int>();
-  std::vector<Outcome> quarter_outcomes;
-  std::vector<Hit> quarter_hits;
-  fan.TraceQuarters(lattice, split, &quarter_outcomes, &quarter_hits);
-
-  auto set = std::make_unique<HitSet>();
-  set->lattice_side = lattice.side();
-  set->rays = static_cast<uint64_t>(lattice.cells()) + quarter_hits.size();
-  set->outcome = fan.outcomes();
-  for (const int c : split) set->outcome[c] = Outcome::kSplit;
-  size_t quarter = 0;
-  for (int c = 0; c < lattice.cells(); ++c) {
-    if (set->outcome[c] == Outcome::kHit) set->hits.push_back(Quantize(fan.hits()[c]));
-    if (set->outcome[c] != Outcome::kSplit) continue;
-    for (int q = 0; q < 4; ++q, ++quarter)
-      if (quarter_outcomes[quarter] == Outcome::kHit) set->hits.push_back(Quantize(quarter_hits[quarter]));
-  }
-  set->outcome.insert(set->outcome.end(), quarter_outcomes.begin(), quarter_outcomes.end());
-  set->outcome.shrink_to_fit();
-  set->hits.shrink_to_fit();
-  return set;
+  Fan fan(input_, surface_, surface_.side(vertex, back), vertex, LatticeFrame(vertex, back), lattice);
+  fan.Trace(settings_.split_levels);
+  return std::make_unique<HitSet>(HitSetBuilder(fan).Build());
 }
 
 const HitSet& HitSetCache::Get(uint32_t vertex, bool back, std::unique_ptr<HitSet>* keep) {

@@ -23,15 +23,18 @@ struct SurfaceHit {
   uint16_t u, v;  ///< barycentric x 65535
 };
 
-/// What one side of a vertex sees along its lattice's directions: traced once, kept between layers.
+/// What one side of a vertex sees along its lattice's directions: traced once, kept between layers. The rays
+/// of the finest level only tell how much of their parent is blocked.
 struct HitSet {
-  enum class Outcome : uint8_t { kFree = 0, kHit = 1, kInvalid = 2, kSplit = 3 };
+  static constexpr int kLevels = HemisphereLattice::kLevels - 1;  ///< that have samples: cells, quarters
 
-  int lattice_side = 0;
-  std::vector<Outcome>
-      outcome;  ///< per cell in order; a split cell's four quarters follow at the end, in cell order
-  std::vector<SurfaceHit>
-      hits;  ///< of cells and quarters with kHit, in the order in which samples are expanded
+  /// A sample's outcome. kPartial + 4 * blocked + (leaving - 1): of four finer rays `leaving` (1 .. 4) leave
+  /// the surface, and `blocked` of them met another.
+  enum Outcome : uint8_t { kFree = 0, kHit = 1, kInvalid = 2, kSplit = 3, kPartial = 4 };
+
+  std::vector<uint8_t> outcome;  ///< of every cell in order; then of the quarters of split cells, in order
+  uint32_t cells = 0;
+  std::vector<SurfaceHit> hits;  ///< of samples that are at least partly blocked, in their order
   uint64_t rays = 0;
 
   size_t bytes() const { return sizeof *this + outcome.capacity() + hits.capacity() * sizeof(SurfaceHit); }
@@ -58,11 +61,12 @@ class HemisphereSamples {
     void Add(const HemisphereLattice::Cone& cone);
     TileCones Pad();
   };
-  void AddSample(const glm::vec3& direction, float solid_angle, HitSet::Outcome outcome);
+  void AddSample(const glm::vec3& direction, float solid_angle, uint8_t outcome);
 
   std::vector<float> x_, y_, z_, solid_angle_, blocked_;
   std::vector<float> light_[6];
-  std::vector<uint32_t> tile_begin_, hit_sample_;
+  std::vector<uint32_t> tile_begin_;
+  std::vector<uint32_t> hit_sample_;  ///< of each hit
   std::vector<LightQuery> queries_;
   std::vector<HitLight> answers_;
   uint32_t count_ = 0;  ///< samples laid out, padding included

@@ -18,13 +18,13 @@ uint32_t CompactBits(uint32_t x) {
 }
 
 /// (x, y) of every cell in Morton order; sides that are no power of two leave out what falls outside.
-std::vector<std::pair<int, int>> MortonCells(int side) {
-  std::vector<std::pair<int, int>> cells;
+std::vector<std::array<int, 2>> MortonCells(int side) {
+  std::vector<std::array<int, 2>> cells;
   uint32_t covering = 4;
   while (covering < static_cast<uint32_t>(side)) covering *= 2;
   for (uint32_t code = 0; code < covering * covering; ++code) {
     const int x = static_cast<int>(CompactBits(code)), y = static_cast<int>(CompactBits(code >> 1));
-    if (x < side && y < side) cells.emplace_back(x, y);
+    if (x < side && y < side) cells.push_back({x, y});
   }
   return cells;
 }
@@ -47,31 +47,44 @@ glm::vec3 SquareToHemisphere(float u, float v) {
   return {sine * std::cos(phi), sine * std::sin(phi), 1 - r * r};
 }
 
-HemisphereLattice::HemisphereLattice(int side)
-    : side_(side), solid_angle_(2 * kPi / static_cast<float>(side * side)) {
-  const std::vector<std::pair<int, int>> order = MortonCells(side);
-  std::vector<int> index(order.size());
-  for (size_t i = 0; i < order.size(); ++i)
-    index[order[i].second * side + order[i].first] = static_cast<int>(i);
-  const float step = 1.0f / static_cast<float>(side);
-  for (const auto& [x, y] : order) {
-    directions_.push_back(SquareToHemisphere((x + 0.5f) * step, (y + 0.5f) * step));
-    for (int q = 0; q < 4; ++q)
-      quarters_.push_back(
-          SquareToHemisphere((x + 0.25f + 0.5f * (q & 1)) * step, (y + 0.25f + 0.5f * (q >> 1)) * step));
-    right_.push_back(x + 1 < side ? index[y * side + x + 1] : -1);
-    below_.push_back(y + 1 < side ? index[(y + 1) * side + x] : -1);
+HemisphereLattice::HemisphereLattice(int side) : side_(side), places_(MortonCells(side)) {
+  for (int level = 0; level < kLevels; ++level) {
+    const int fine = side << level;
+    const float step = 1.0f / static_cast<float>(fine);
+    solid_angle_[level] = 2 * kPi / static_cast<float>(fine) / static_cast<float>(fine);
+    for (int i = 0; i < fine * fine; ++i) {
+      const auto [x, y] = place(level, i);
+      float u = (static_cast<float>(x) + 0.5f) * step, v = (static_cast<float>(y) + 0.5f) * step;
+      const bool border = x == 0 || y == 0 || x == side - 1 || y == side - 1;
+      if (level == 0 && border) {
+        // A step along the radius of the disk scales the square about its middle.
+        const float radius = 1 - step, shift = (x + y) % 2 == 0 ? 0.5f : -0.5f;
+        const float scale = (radius + shift * step) / radius;
+        u = 0.5f + (u - 0.5f) * scale;
+        v = 0.5f + (v - 0.5f) * scale;
+      }
+      directions_[level].push_back(SquareToHemisphere(u, v));
+    }
   }
+  const int finest = 1 << (2 * (kLevels - 1));
   for (int tile = 0; tile < tiles(); ++tile) {
     glm::vec3 sum(0);
-    for (int i = 0; i < kTileCells; ++i) sum += directions_[tile * kTileCells + i];
+    for (int i = 0; i < kTileCells; ++i) sum += directions_[0][tile * kTileCells + i];
     const glm::vec3 axis = glm::normalize(sum);
     float cosine = 1;
-    for (int i = 0; i < kTileCells; ++i)
-      for (int q = 0; q < 4; ++q)
-        cosine = std::min(cosine, glm::dot(axis, quarter(tile * kTileCells + i, q)));
+    for (int i = 0; i < kTileCells * finest; ++i)
+      cosine = std::min(cosine, glm::dot(axis, directions_[kLevels - 1][tile * kTileCells * finest + i]));
     cones_.push_back({axis, cosine, std::sqrt(std::max(0.0f, 1 - cosine * cosine))});
   }
+}
+
+std::array<int, 2> HemisphereLattice::place(int level, int i) const {
+  auto [x, y] = places_[i >> (2 * level)];
+  for (int l = level - 1; l >= 0; --l) {
+    x = 2 * x + ((i >> (2 * l)) & 1);
+    y = 2 * y + ((i >> (2 * l + 1)) & 1);
+  }
+  return {x, y};
 }
 
 }  // namespace glint

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <vector>
@@ -8,35 +9,38 @@ namespace glint {
 
 /// side x side cells of equal solid angle over the hemisphere z > 0 (the concentric map of the square to the
 /// disk, then Lambert's equal-area map). Cells are ordered along a Morton curve, so that sixteen in a row
-/// make a 4 x 4 tile of neighbours; each cell also has its four quarters.
+/// make a 4 x 4 tile of neighbours; and cells have quarters, which have quarters. Samples lie in the middle,
+/// but those of whole cells along the horizon lie in turns a quarter of a cell above and below it: what
+/// blocks only the lowest directions is then seen by some of them.
 class HemisphereLattice {
  public:
   static constexpr int kTileCells = 16;
+  static constexpr int kLevels = 3;  ///< cells, quarters, sixteenths
   /// @param side  multiple of 4
   explicit HemisphereLattice(int side);
 
   int side() const { return side_; }
   int cells() const { return side_ * side_; }
   int tiles() const { return cells() / kTileCells; }
-  float solid_angle() const { return solid_angle_; }  ///< of a cell, sr
-  const glm::vec3& direction(int cell) const { return directions_[cell]; }
-  const glm::vec3& quarter(int cell, int i) const { return quarters_[4 * cell + i]; }
-  /// Cell right of / below `cell` on the square, or -1 at its border.
-  int right(int cell) const { return right_[cell]; }
-  int below(int cell) const { return below_[cell]; }
+  /// Of a sample of a level, sr.
+  float solid_angle(int level) const { return solid_angle_[level]; }
+  /// Sample i < cells() * 4^level of a level; its quarters are samples 4 i .. 4 i + 3 of the next.
+  const glm::vec3& direction(int level, int i) const { return directions_[level][i]; }
+  /// Place of sample i on the square of side() * 2^level samples a side.
+  std::array<int, 2> place(int level, int i) const;
 
   struct Cone {
     glm::vec3 axis;
     float cos_radius, sin_radius;
   };
-  /// Contains every sample of the tile, quarters too.
+  /// Contains every sample of the tile, of all levels.
   const Cone& tile_cone(int tile) const { return cones_[tile]; }
 
  private:
   int side_;
-  float solid_angle_;
-  std::vector<glm::vec3> directions_, quarters_;
-  std::vector<int> right_, below_;
+  std::array<float, kLevels> solid_angle_;
+  std::array<std::vector<glm::vec3>, kLevels> directions_;
+  std::vector<std::array<int, 2>> places_;  ///< of cells
   std::vector<Cone> cones_;
 };
 

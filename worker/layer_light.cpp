@@ -36,6 +36,12 @@ inline Float4 DecodeHalves(const void* p) {
   return value * 0x1p112f;
 }
 
+inline Float4 Load(const std::array<float, 4>& a) {
+  Float4 value;
+  std::memcpy(&value, a.data(), sizeof value);
+  return value;
+}
+
 inline Float4 DecodeShorts(const void* p) {
   Short4 code;
   std::memcpy(&code, p, sizeof code);
@@ -60,9 +66,9 @@ struct LayerLight::Pending {
   float side;  ///< -1: seen from behind
   glm::vec3 wo, normal;
   float cos_o;
-  std::array<uint32_t, 3> column;
-  std::array<float, 9> weight;           ///< of (vertex i, column j) at [3 i + j]
-  std::array<const Entry*, 9> entry;     ///< of lobe 0
+  std::array<uint32_t, 3> word, bit;  ///< of the three directions in a row's words
+  std::array<std::array<float, 4>, 3> weight;  ///< of (vertex i, direction j)
+  std::array<const Entry*, 9> entry;           ///< at [3 i + j]: of lobe 0
 };
 
 /// Weighted sums over corners: of Entry::linear, and of strength times Entry::vector.
@@ -86,7 +92,12 @@ LayerLight::LayerLight(const BakeDomain& domain, const DirectionGrid& grid, cons
       grid_(grid),
       layer_(layer),
       lobes_(static_cast<int>(views.specular.size())),
-      words_((grid.size() + kWordColumns - 1) / kWordColumns) {
+      words_((grid.size() + kWordColumns - 1) / kWordColumns),
+      head_((words_ * sizeof(uint64_t) + sizeof(Entry) - 1) / sizeof(Entry)) {
+#if defined(__x86_64__)
+  wide_ = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi") && __builtin_cpu_supports("bmi2") &&
+          __builtin_cpu_supports("popcnt");
+#endif
   for (const BrdfShape& shape : domain.shapes) samplers_.emplace_back(shape);
   Entry absent{};
   if (layer == 0) absent = {{EncodeHalf(1), EncodeHalf(1), 0, 0}, {0, 0, 0}, EncodeHalf(1)};
@@ -135,7 +146,6 @@ LayerLight::Entry LayerLight::Pack(const std::byte* stored) const {
 void LayerLight::PackRows(const LayerViews& views, int threads) {
   if (views.specular.empty()) return;
   const uint32_t rows = domain_.vertex_count();
-  const size_t row_head = (words_ * sizeof(uint64_t) + sizeof(Entry) - 1) / sizeof(Entry);
   std::vector<uint64_t> begin(rows + size_t{1}, 0);
   // A row's words: which columns any lobe has, and before each word how many.
   auto mark = [&](uint32_t v, uint64_t* words) {
@@ -160,7 +170,7 @@ void LayerLight::PackRows(const LayerViews& views, int threads) {
   ParallelFor(rows, threads, kGrain, [&](size_t v, int) {
     if (!stored(static_cast<uint32_t>(v))) return;
     std::vector<uint64_t> words(words_);
-    begin[v + 1] = row_head + mark(static_cast<uint32_t>(v), words.data()) * static_cast<size_t>(lobes_);
+    begin[v + 1] = head_ + mark(static_cast<uint32_t>(v), words.data()) * static_cast<size_t>(lobes_);
   });
   for (uint32_t v = 0; v < rows; ++v) begin[v + 1] += begin[v];
   rows_.resize(begin[rows]);
@@ -170,7 +180,7 @@ void LayerLight::PackRows(const LayerViews& views, int threads) {
     std::vector<uint64_t> words(words_);
     mark(static_cast<uint32_t>(v), words.data());
     std::memcpy(static_cast<void*>(row), words.data(), words_ * sizeof(uint64_t));
-    Entry* entry = row + row_head;
+    Entry* entry = row + head_;
     for (uint32_t column = 0; column < grid_.size(); ++column) {
       if ((words[column / kWordColumns] >> (column % kWordColumns) & 1) == 0) continue;
       for (int k = 0; k < lobes_; ++k) {
@@ -189,8 +199,28 @@ void LayerLight::PackDiffuse(const LayerViews& views) {
         [&](uint32_t side, const std::byte* bytes) { diffuse_[2 * size_t{v} + side] = Pack(bytes); });
 }
 
+// The same code twice: once for any x86-64, once where the processor counts bits and has wide registers; both
+// round alike.
 void LayerLight::Look(std::span<const LightQuery> queries, HitLight* out) const {
+#if defined(__x86_64__)
+  if (wide_) {
+    LookWide(queries, out);
+    return;
+  }
+#endif
+  LookBatches(queries, out);
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx2,bmi,bmi2,popcnt"), flatten)) void LayerLight::LookWide(
+    std::span<const LightQuery> queries, HitLight* out) const {
+  LookBatches(queries, out);
+}
+#endif
+
+inline void LayerLight::LookBatches(std::span<const LightQuery> queries, HitLight* out) const {
   Pending pending[kBatch];
+  bool reflects[kBatch];
   uint32_t hint = 0;
   for (size_t first = 0; first < queries.size(); first += kBatch) {
     const size_t count = std::min<size_t>(kBatch, queries.size() - first);
@@ -198,7 +228,6 @@ void LayerLight::Look(std::span<const LightQuery> queries, HitLight* out) const 
     for (size_t i = 0; i < count; ++i) __builtin_prefetch(&triangles_[query[i].triangle]);
     for (size_t i = 0; i < count; ++i)
       for (const uint32_t v : triangles_[query[i].triangle].vertex) __builtin_prefetch(&vertices_[v]);
-    bool reflects[kBatch];
     for (size_t i = 0; i < count; ++i) {
       reflects[i] = Orient(query[i], &pending[i]);
       if (reflects[i]) Locate(query[i].wo, &hint, &pending[i]);
@@ -209,7 +238,7 @@ void LayerLight::Look(std::span<const LightQuery> queries, HitLight* out) const 
   }
 }
 
-bool LayerLight::Orient(const LightQuery& query, Pending* hit) const {
+inline bool LayerLight::Orient(const LightQuery& query, Pending* hit) const {
   const Triangle& t = triangles_[query.triangle];
   glm::vec3 face = t.normal;
   const bool back = glm::dot(face, query.wo) < 0;
@@ -230,48 +259,47 @@ bool LayerLight::Orient(const LightQuery& query, Pending* hit) const {
 }
 
 /// The grid directions around wo and the corners' weights; also fetches what tells where their entries are.
-void LayerLight::Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit) const {
+inline void LayerLight::Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit) const {
   const DirectionGrid::Location location = grid_.Locate(wo, hint);
-  hit->column = location.index;
-  const glm::vec3 direction[3] = {grid_.direction(location.index[0]), grid_.direction(location.index[1]),
-                                  grid_.direction(location.index[2])};
-  float total = 0;
+  const DirectionGrid::Cell& cell = grid_.cell(*hint);
+  const Float4 x = Load(cell.x), y = Load(cell.y), z = Load(cell.z);
+  const Float4 share = {location.weight[0], location.weight[1], location.weight[2], 0};
+  Float4 weight[3], total = {};
   for (int i = 0; i < 3; ++i) {
-    const Vertex& vertex = vertices_[hit->triangle->vertex[i]];
-    const glm::vec3 n = hit->side * vertex.normal;
-    for (int j = 0; j < 3; ++j) {
-      const float w =
-          glm::dot(n, direction[j]) > 0 ? hit->barycentric[i] * location.weight[j] : 0.0f;
-      hit->weight[3 * i + j] = w;
-      total += w;
-      __builtin_prefetch(vertex.row + location.index[j] / kWordColumns);
-    }
+    const glm::vec3& n = vertices_[hit->triangle->vertex[i]].normal;
+    const Float4 cosine = (n.x * hit->side) * x + (n.y * hit->side) * y + (n.z * hit->side) * z;
+    weight[i] = cosine > 0.0f ? hit->barycentric[i] * share : Float4{};
+    total += weight[i];
   }
-  const float scale = total > 0 ? 1 / total : 0;
-  for (float& w : hit->weight) w *= scale;
+  const float sum = total[0] + total[1] + total[2];
+  const float scale = sum > 0 ? 1 / sum : 0;
+  for (int i = 0; i < 3; ++i) {
+    const Float4 scaled = weight[i] * scale;
+    std::memcpy(hit->weight[i].data(), &scaled, sizeof scaled);
+  }
+  for (int j = 0; j < 3; ++j) {
+    hit->word[j] = location.index[j] / kWordColumns;
+    hit->bit[j] = location.index[j] % kWordColumns;
+    for (const uint32_t v : hit->triangle->vertex) __builtin_prefetch(vertices_[v].row + hit->word[j]);
+  }
 }
 
-void LayerLight::FindEntries(Pending* hit) const {
-  const size_t head = (words_ * sizeof(uint64_t) + sizeof(Entry) - 1) / sizeof(Entry);
+inline void LayerLight::FindEntries(Pending* hit) const {
   for (int i = 0; i < 3; ++i) {
     const uint64_t* row = vertices_[hit->triangle->vertex[i]].row;
-    const Entry* entries = reinterpret_cast<const Entry*>(row) + head;
+    const Entry* entries = reinterpret_cast<const Entry*>(row) + head_;
     for (int j = 0; j < 3; ++j) {
-      const uint32_t column = hit->column[j], shift = column % kWordColumns;
-      const uint64_t word = row[column / kWordColumns];
-      const Entry* entry = absent_.data();
-      if (word >> shift & 1) {
-        const uint64_t below = word & ((uint64_t{1} << shift) - 1);
-        const uint64_t rank = (word >> kWordColumns) + table_internal::CountPair(below, 0);
-        entry = entries + rank * static_cast<uint64_t>(lobes_);
-        __builtin_prefetch(entry);
-      }
+      const uint64_t word = row[hit->word[j]], below = word & ((uint64_t{1} << hit->bit[j]) - 1);
+      const uint64_t rank = (word >> kWordColumns) + static_cast<uint64_t>(std::popcount(below));
+      const Entry* entry = entries + rank * static_cast<uint64_t>(lobes_);
+      entry = (word >> hit->bit[j] & 1) ? entry : absent_.data();
+      __builtin_prefetch(entry);
       hit->entry[3 * i + j] = entry;
     }
   }
 }
 
-HitLight LayerLight::Evaluate(const Pending& hit) const {
+inline HitLight LayerLight::Evaluate(const Pending& hit) const {
   HitLight out;
   const auto& v = hit.triangle->vertex;
   const Vertex* vertex[3] = {&vertices_[v[0]], &vertices_[v[1]], &vertices_[v[2]]};
@@ -297,7 +325,8 @@ HitLight LayerLight::Evaluate(const Pending& hit) const {
   }
   for (int k = 0; k < slice.lobes; ++k) {
     Sums sums;
-    for (int corner = 0; corner < 9; ++corner) sums.Add(hit.weight[corner], hit.entry[corner][k]);
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) sums.Add(hit.weight[i][j], hit.entry[3 * i + j][k]);
     const BrdfLobe& lobe = slice.lobe[k];
     if (layer_ == 0) {
       AddDirect(sums, lobe.Weight(specular), axes[0] * lobe.mu_x + axes[1] * lobe.mu_z, lobe.kappa, &out);
@@ -317,7 +346,7 @@ HitLight LayerLight::Evaluate(const Pending& hit) const {
   return out;
 }
 
-void LayerLight::AddDirect(const Sums& sums, const glm::vec3& weight, const glm::vec3& mu, float kappa,
+inline void LayerLight::AddDirect(const Sums& sums, const glm::vec3& weight, const glm::vec3& mu, float kappa,
                            HitLight* out) const {
   const float fraction = std::min(sums.linear[0], 1.0f);
   if (fraction <= 0) return;
@@ -330,7 +359,7 @@ void LayerLight::AddDirect(const Sums& sums, const glm::vec3& weight, const glm:
   out->moment += length > 1e-10f ? turned * (strength / length) : mu * strength;
 }
 
-void LayerLight::AddIndirect(const Sums& sums, const glm::vec3& weight, HitLight* out) const {
+inline void LayerLight::AddIndirect(const Sums& sums, const glm::vec3& weight, HitLight* out) const {
   const float strength = sums.strength;
   if (strength <= 0) return;
   const float spread = std::min(sums.linear[3] * (1 / kDeltaScale), strength);

@@ -76,6 +76,8 @@ class LayerLight {
   void PackRows(const LayerViews& views, int threads);
   void PackDiffuse(const LayerViews& views);
   Entry Pack(const std::byte* stored) const;
+  void LookWide(std::span<const LightQuery> queries, HitLight* out) const;
+  void LookBatches(std::span<const LightQuery> queries, HitLight* out) const;
   bool Orient(const LightQuery& query, Pending* hit) const;
   void Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit) const;
   void FindEntries(Pending* hit) const;
@@ -89,6 +91,8 @@ class LayerLight {
   const int layer_;
   const int lobes_;
   const uint32_t words_;  ///< of a row
+  const size_t head_;     ///< entries that a row's words take up
+  bool wide_ = false;     ///< this processor has AVX2 and counts bits
   std::vector<SliceSampler> samplers_;
   std::vector<Triangle> triangles_;
   std::vector<Vertex> vertices_;

@@ -8,7 +8,7 @@ void HashSettings(const BakeSettings& s, Hasher* hasher) {
       .Add(s.rays_per_kappa)
       .Add(s.min_rays)
       .Add(s.max_rays)
-      .Add(s.split_cells)
+      .Add(s.split_levels)
       .Add(s.paper_rays)
       .Add(s.drop)
       .Add(s.seed)

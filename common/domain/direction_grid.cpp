@@ -105,67 +105,50 @@ void DirectionGrid::BuildLocator() {
   std::map<std::pair<uint32_t, uint32_t>, uint32_t> face_of_edge;  // directed edge -> the face on its left
   for (uint32_t t = 0; t < triangles_.size(); ++t)
     for (int i = 0; i < 3; ++i) face_of_edge[{triangles_[t][i], triangles_[t][(i + 1) % 3]}] = t;
-  neighbours_.resize(triangles_.size());
-  edge_normals_.resize(triangles_.size());
+  cells_.resize(triangles_.size());
   for (uint32_t t = 0; t < triangles_.size(); ++t) {
     const auto& f = triangles_[t];
     // In double precision: the corners of a fine triangle are nearly parallel.
     const glm::dvec3 corner[3] = {glm::dvec3(directions_[f[0]]), glm::dvec3(directions_[f[1]]),
                                   glm::dvec3(directions_[f[2]])};
+    Cell& cell = cells_[t];
+    cell = {};
+    cell.index = f;
     const double volume = glm::dot(corner[0], glm::cross(corner[1], corner[2]));
     for (int i = 0; i < 3; ++i) {
       const int j = (i + 1) % 3, k = (i + 2) % 3;
-      neighbours_[t][i] = face_of_edge.at({f[k], f[j]});
-      edge_normals_[t][i] = glm::vec3(glm::cross(corner[j], corner[k]) / volume);
+      const glm::vec3 edge(glm::cross(corner[j], corner[k]) / volume);
+      const glm::vec3& d = directions_[f[i]];
+      cell.neighbour[i] = face_of_edge.at({f[k], f[j]});
+      cell.edge_x[i] = edge.x, cell.edge_y[i] = edge.y, cell.edge_z[i] = edge.z;
+      cell.x[i] = d.x, cell.y[i] = d.y, cell.z[i] = d.z;
     }
   }
-  // Start the walk near the answer: for a grid of octahedral cells, the triangle at the cell's centre.
-  cells_ = 8 << level_;
-  std::vector<uint32_t> start(static_cast<size_t>(cells_) * cells_);
+  // Start the walk near the answer: for a grid of octahedral squares, the triangle at the square's centre.
+  squares_ = 8 << level_;
+  std::vector<uint32_t> start(static_cast<size_t>(squares_) * squares_);
   uint32_t current = 0;
-  for (int y = 0; y < cells_; ++y) {
-    for (int x = 0; x < cells_; ++x) {
-      glm::vec2 p((x + 0.5f) / cells_ * 2 - 1, (y + 0.5f) / cells_ * 2 - 1);
+  std::array<float, 4> weights;
+  for (int y = 0; y < squares_; ++y) {
+    for (int x = 0; x < squares_; ++x) {
+      glm::vec2 p((x + 0.5f) / squares_ * 2 - 1, (y + 0.5f) / squares_ * 2 - 1);
       glm::vec3 d(p.x, 1 - std::abs(p.x) - std::abs(p.y), p.y);
       if (d.y < 0) {
         d.x = std::copysign(1 - std::abs(p.y), p.x);
         d.z = std::copysign(1 - std::abs(p.x), p.y);
       }
-      current = Walk(glm::normalize(d), current, nullptr);
-      start[static_cast<size_t>(y) * cells_ + x] = current;
+      current = Walk(glm::normalize(d), current, &weights);
+      start[static_cast<size_t>(y) * squares_ + x] = current;
     }
   }
   start_ = std::move(start);
 }
 
-uint32_t DirectionGrid::Walk(const glm::vec3& d, uint32_t triangle, float* weights) const {
-  // Rounding can make two faces each point at the other for a direction on their common edge; a bounded walk
-  // ends there with a weight that is negative by rounding only, which Locate clamps.
-  for (int step = 0; step < 4096; ++step) {
-    const auto& normals = edge_normals_[triangle];
-    const float w[3] = {glm::dot(d, normals[0]), glm::dot(d, normals[1]), glm::dot(d, normals[2])};
-    const int lowest = w[0] < w[1] ? (w[0] < w[2] ? 0 : 2) : (w[1] < w[2] ? 1 : 2);
-    if (w[lowest] >= -2e-5f) {
-      if (weights) std::copy(w, w + 3, weights);
-      return triangle;
-    }
-    triangle = neighbours_[triangle][lowest];
-  }
-  if (weights) weights[0] = 1, weights[1] = weights[2] = 0;
-  return triangle;
-}
-
-DirectionGrid::Location DirectionGrid::Normalize(uint32_t triangle, const float* weights) const {
-  const float w[3] = {std::max(weights[0], 0.0f), std::max(weights[1], 0.0f), std::max(weights[2], 0.0f)};
-  const float scale = 1 / (w[0] + w[1] + w[2]);
-  return {triangles_[triangle], {w[0] * scale, w[1] * scale, w[2] * scale}};
-}
-
 DirectionGrid::Location DirectionGrid::Locate(const glm::vec3& direction) const {
-  const glm::vec2 p = Octahedral(direction) * static_cast<float>(cells_);
-  const int x = std::clamp(static_cast<int>(p.x), 0, cells_ - 1),
-            y = std::clamp(static_cast<int>(p.y), 0, cells_ - 1);
-  uint32_t start = start_[static_cast<size_t>(y) * cells_ + x];
+  const glm::vec2 p = Octahedral(direction) * static_cast<float>(squares_);
+  const int x = std::clamp(static_cast<int>(p.x), 0, squares_ - 1),
+            y = std::clamp(static_cast<int>(p.y), 0, squares_ - 1);
+  uint32_t start = start_[static_cast<size_t>(y) * squares_ + x];
   return Locate(direction, &start);
 }
 

@@ -313,7 +313,7 @@ Arguments Parse(int argc, char** argv) {
     } else if (key == "--rays-per-kappa") {
       args.settings.rays_per_kappa = std::stof(value);
     } else if (key == "--split") {
-      args.settings.split_cells = value != "0";
+      args.settings.split_levels = std::clamp(std::stoi(value), 0, 2);
     } else if (key == "--json") {
       args.json = value;
     } else {
