@@ -28,15 +28,16 @@ SurfaceHit Quantize(const Hit& hit) {
           static_cast<uint16_t>(std::lround(std::clamp(hit.v, 0.0f, 1.0f) * 65535))};
 }
 
-/// The samples of one level that were traced.
+/// The samples of one level that a split parent has, or all cells.
 struct FanLevel {
-  std::vector<int> index;  ///< in the lattice, ascending
+  std::vector<int> index;   ///< in the lattice, ascending
+  std::vector<int> traced;  ///< which of them have a ray of their own; the others have their parent's
   std::vector<uint8_t> outcome;
   std::vector<Hit> hits;
 };
 
-/// One side of one vertex being traced: every cell, then the quarters of those at whose border a neighbour
-/// sees another outcome, and theirs again.
+/// One side of one vertex being traced: every cell; then, where a neighbour across a side sees another
+/// outcome, the quarters on that side, while the others keep what their cell saw; and theirs again.
 class Fan {
  public:
   Fan(const GatherInput& input, const SurfaceVertices& surface, const VertexSide& side, uint32_t vertex,
@@ -44,8 +45,12 @@ class Fan {
       : input_(input), surface_(surface), side_(side), vertex_(vertex), frame_(frame), lattice_(lattice) {}
 
   void Trace(int split_levels) {
-    levels_[0].index.resize(lattice_.cells());
-    std::iota(levels_[0].index.begin(), levels_[0].index.end(), 0);
+    FanLevel& cells = levels_[0];
+    cells.index.resize(lattice_.cells());
+    std::iota(cells.index.begin(), cells.index.end(), 0);
+    cells.traced = cells.index;
+    cells.hits.resize(cells.index.size());
+    cells.outcome.resize(cells.index.size());
     TraceLevel(0);
     for (int level = 0; level < split_levels; ++level) {
       Split(level);
@@ -58,16 +63,18 @@ class Fan {
  private:
   void TraceLevel(int level) {
     FanLevel& l = levels_[level];
-    const size_t count = l.index.size();
+    const size_t count = l.traced.size();
     rays_.resize(count);
-    l.hits.resize(count);
-    l.outcome.resize(count);
+    found_.resize(count);
     for (size_t i = 0; i < count; ++i) {
       rays_[i].origin = side_.origin;
-      rays_[i].direction = frame_.ToWorld(lattice_.direction(level, l.index[i]));
+      rays_[i].direction = frame_.ToWorld(lattice_.direction(level, l.index[l.traced[i]]));
     }
-    input_.rays.IntersectCoherent(rays_.data(), l.hits.data(), static_cast<int>(count));
-    for (size_t i = 0; i < count; ++i) l.outcome[i] = Classify(rays_[i].direction, l.hits[i]);
+    input_.rays.IntersectCoherent(rays_.data(), found_.data(), static_cast<int>(count));
+    for (size_t i = 0; i < count; ++i) {
+      l.hits[l.traced[i]] = found_[i];
+      l.outcome[l.traced[i]] = Classify(rays_[i].direction, found_[i]);
+    }
   }
 
   /// Marks the level's samples that a neighbour's outcome differs from, and lists their quarters.
@@ -84,16 +91,21 @@ class Fan {
       const auto [x, y] = lattice_.place(level, l.index[i]);
       at(x, y) = l.outcome[i];
     }
-    std::vector<int>& quarters = levels_[level + 1].index;
+    FanLevel& next = levels_[level + 1];
     for (size_t i = 0; i < l.index.size(); ++i) {
       const uint8_t mine = l.outcome[i];
       if (mine == HitSet::kInvalid) continue;
       const auto [x, y] = lattice_.place(level, l.index[i]);
-      const bool edge = (x > 0 && at(x - 1, y) != mine) || (x + 1 < side && at(x + 1, y) != mine) ||
-                        (y > 0 && at(x, y - 1) != mine) || (y + 1 < side && at(x, y + 1) != mine);
-      if (!edge) continue;
+      const bool across_x[2] = {x > 0 && at(x - 1, y) != mine, x + 1 < side && at(x + 1, y) != mine};
+      const bool across_y[2] = {y > 0 && at(x, y - 1) != mine, y + 1 < side && at(x, y + 1) != mine};
+      if (!(across_x[0] || across_x[1] || across_y[0] || across_y[1])) continue;
       l.outcome[i] = HitSet::kSplit;
-      for (int q = 0; q < 4; ++q) quarters.push_back(4 * l.index[i] + q);
+      for (int q = 0; q < 4; ++q) {
+        if (across_x[q & 1] || across_y[q >> 1]) next.traced.push_back(static_cast<int>(next.index.size()));
+        next.index.push_back(4 * l.index[i] + q);
+        next.outcome.push_back(mine);
+        next.hits.push_back(l.hits[i]);
+      }
     }
     map_ = std::move(map);
   }
@@ -116,6 +128,7 @@ class Fan {
   const HemisphereLattice& lattice_;
   std::array<FanLevel, HemisphereLattice::kLevels> levels_;
   std::vector<Ray> rays_;
+  std::vector<Hit> found_;
   std::vector<uint8_t> map_;  ///< outcomes over the square at the last level's resolution
 };
 
@@ -136,7 +149,7 @@ class HitSetBuilder {
       for (int q = 0; q < 4; ++q) AddQuarter(quarters, quarter++);
     }
     for (int level = 0; level < HemisphereLattice::kLevels; ++level)
-      set_.rays += fan_.level(level).outcome.size();
+      set_.rays += fan_.level(level).traced.size();
     set_.hits.shrink_to_fit();
     return std::move(set_);
   }

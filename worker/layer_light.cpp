@@ -24,7 +24,7 @@ typedef uint16_t Half4 __attribute__((vector_size(8)));
 typedef int16_t Short4 __attribute__((vector_size(8)));
 
 constexpr float kDeltaScale = 1024;  ///< keeps s delta in the normal range of a half
-constexpr float kAlike = 0.5f;       ///< corners are averaged while their rms angle is at most 1 / sqrt(kappa)
+constexpr float kAlike = 0.5f;  ///< corners are averaged while their rms angle is at most 1 / sqrt(kappa)
 
 /// Four halves that are not negative: their bits are a float's, but for the exponent's bias.
 inline Float4 DecodeHalves(const void* p) {
@@ -66,7 +66,7 @@ struct LayerLight::Pending {
   float side;  ///< -1: seen from behind
   glm::vec3 wo, normal;
   float cos_o;
-  std::array<uint32_t, 3> word, bit;  ///< of the three directions in a row's words
+  std::array<uint32_t, 3> word, bit;           ///< of the three directions in a row's words
   std::array<std::array<float, 4>, 3> weight;  ///< of (vertex i, direction j)
   std::array<const Entry*, 9> entry;           ///< at [3 i + j]: of lobe 0
 };
@@ -122,8 +122,8 @@ void LayerLight::PackSurface() {
   }
   vertices_.reserve(domain_.vertex_count());
   for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
-    vertices_.push_back({domain_.normals[v], domain_.specular[v], domain_.diffuse[v], domain_.shape[v],
-                         empty_row_.data()});
+    vertices_.push_back(
+        {domain_.normals[v], domain_.specular[v], domain_.diffuse[v], domain_.shape[v], empty_row_.data()});
 }
 
 LayerLight::Entry LayerLight::Pack(const std::byte* stored) const {
@@ -137,8 +137,7 @@ LayerLight::Entry LayerLight::Pack(const std::byte* stored) const {
   const IndirectLobe lobe = DecodeIndirect(stored);
   const float strength = Luminance(lobe.alpha);
   const float spread = strength * (lobe.kappa > 0 ? DeltaFromKappa(lobe.kappa) : 1.0f) * kDeltaScale;
-  return {{EncodeHalf(lobe.alpha.x), EncodeHalf(lobe.alpha.y), EncodeHalf(lobe.alpha.z),
-           EncodeHalf(spread)},
+  return {{EncodeHalf(lobe.alpha.x), EncodeHalf(lobe.alpha.y), EncodeHalf(lobe.alpha.z), EncodeHalf(spread)},
           {EncodeSnorm(lobe.mu.x), EncodeSnorm(lobe.mu.y), EncodeSnorm(lobe.mu.z)},
           EncodeHalf(strength)};
 }
@@ -347,7 +346,7 @@ inline HitLight LayerLight::Evaluate(const Pending& hit) const {
 }
 
 inline void LayerLight::AddDirect(const Sums& sums, const glm::vec3& weight, const glm::vec3& mu, float kappa,
-                           HitLight* out) const {
+                                  HitLight* out) const {
   const float fraction = std::min(sums.linear[0], 1.0f);
   if (fraction <= 0) return;
   const float ratio = sums.linear[1] / sums.linear[0];

@@ -27,9 +27,7 @@ constexpr int kMaxDrawsPerRay = 16;
 class PaperGatherer : public Gatherer {
  public:
   PaperGatherer(const GatherInput& input, const BakeSettings& settings)
-      : input_(input),
-        settings_(settings),
-        surface_(input.domain, input.rays.epsilon()) {
+      : input_(input), settings_(settings), surface_(input.domain, input.rays.epsilon()) {
     for (const BrdfShape& shape : input.domain.shapes) samplers_.emplace_back(shape);
   }
 
@@ -88,7 +86,8 @@ class PaperGatherer : public Gatherer {
     for (int s = 0; s < (input_.domain.double_sided[v] ? 2 : 1); ++s) {
       const VertexSide side = surface_.side(v, s == 1);
       const Frame frame = Frame::FromNormal(side.normal);
-      CounterRng rng(settings_.seed, v, 0xFFFF0000u | static_cast<uint32_t>(s), static_cast<uint32_t>(layer_));
+      CounterRng rng(settings_.seed, v, 0xFFFF0000u | static_cast<uint32_t>(s),
+                     static_cast<uint32_t>(layer_));
       Trace(side, &rng, fan, [&](float a, float b) {
         const float r = std::sqrt(a), phi = 2 * kPi * b;
         return frame.ToWorld({r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - a)});

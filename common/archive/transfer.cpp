@@ -212,8 +212,7 @@ void TransferReader::InterpolateReflectance(const std::array<float, 3>& barycent
   }
   const uint16_t shape = domain_.shape[v[0]];
   const bool one_shape = shape == domain_.shape[v[1]] && shape == domain_.shape[v[2]];
-  point->slice =
-      one_shape ? samplers_[shape].Seen(point->cos_o) : BlendSlices(v, barycentric, point->cos_o);
+  point->slice = one_shape ? samplers_[shape].Seen(point->cos_o) : BlendSlices(v, barycentric, point->cos_o);
   const auto [tangent, normal] = IncidenceAxes(point->normal, point->wo);
   for (int k = 0; k < point->slice.lobes; ++k) {
     point->lobe_mu[k] = tangent * point->slice.lobe[k].mu_x + normal * point->slice.lobe[k].mu_z;

@@ -28,7 +28,8 @@ class SliceSampler {
   static constexpr int kIntervals = 4 * (kElevationNodes - 1);
   struct Node {
     float scale, bias, above;
-    std::array<float, 2> along, across, kappa;  ///< [0] as fitted, [1] as seen; direction along the mirror's, across
+    std::array<float, 2> along, across,
+        kappa;  ///< [0] as fitted, [1] as seen; direction along the mirror's, across
   };
   struct Position {
     const Node* node;  ///< of lobe 0 below cos_o; lobe k of the next node is at [lobes + k]
