@@ -34,6 +34,21 @@ struct FanLevel {
   std::vector<int> traced;  ///< which of them have a ray of their own; the others have their parent's
   std::vector<uint8_t> outcome;
   std::vector<Hit> hits;
+
+  void Clear() {
+    index.clear();
+    traced.clear();
+    outcome.clear();
+    hits.clear();
+  }
+};
+
+/// Buffers of one thread: a fan takes some 100 us, of which allocating would be a good part.
+struct FanBuffers {
+  std::array<FanLevel, HemisphereLattice::kLevels> levels;
+  std::vector<Ray> rays;
+  std::vector<Hit> found;
+  std::vector<uint8_t> map, coarse_map;
 };
 
 /// One side of one vertex being traced: every cell; then, where a neighbour across a side sees another
@@ -41,11 +56,18 @@ struct FanLevel {
 class Fan {
  public:
   Fan(const GatherInput& input, const SurfaceVertices& surface, const VertexSide& side, uint32_t vertex,
-      const Frame& frame, const HemisphereLattice& lattice)
-      : input_(input), surface_(surface), side_(side), vertex_(vertex), frame_(frame), lattice_(lattice) {}
+      const Frame& frame, const HemisphereLattice& lattice, FanBuffers* buffers)
+      : input_(input),
+        surface_(surface),
+        side_(side),
+        vertex_(vertex),
+        frame_(frame),
+        lattice_(lattice),
+        buffers_(*buffers) {}
 
   void Trace(int split_levels) {
-    FanLevel& cells = levels_[0];
+    for (FanLevel& level : buffers_.levels) level.Clear();
+    FanLevel& cells = buffers_.levels[0];
     cells.index.resize(lattice_.cells());
     std::iota(cells.index.begin(), cells.index.end(), 0);
     cells.traced = cells.index;
@@ -58,46 +80,55 @@ class Fan {
     }
   }
 
-  const FanLevel& level(int i) const { return levels_[i]; }
+  /// Valid until the buffers serve the next fan.
+  const FanLevel& level(int i) const { return buffers_.levels[i]; }
 
  private:
+  static constexpr uint8_t kOutside = 255;
+
   void TraceLevel(int level) {
-    FanLevel& l = levels_[level];
+    FanLevel& l = buffers_.levels[level];
     const size_t count = l.traced.size();
-    rays_.resize(count);
-    found_.resize(count);
+    std::vector<Ray>& rays = buffers_.rays;
+    std::vector<Hit>& found = buffers_.found;
+    rays.resize(count);
+    found.resize(count);
     for (size_t i = 0; i < count; ++i) {
-      rays_[i].origin = side_.origin;
-      rays_[i].direction = frame_.ToWorld(lattice_.direction(level, l.index[l.traced[i]]));
+      rays[i].origin = side_.origin;
+      rays[i].direction = frame_.ToWorld(lattice_.direction(level, l.index[l.traced[i]]));
     }
-    input_.rays.IntersectCoherent(rays_.data(), found_.data(), static_cast<int>(count));
+    input_.rays.IntersectCoherent(rays.data(), found.data(), static_cast<int>(count));
     for (size_t i = 0; i < count; ++i) {
-      l.hits[l.traced[i]] = found_[i];
-      l.outcome[l.traced[i]] = Classify(rays_[i].direction, found_[i]);
+      l.hits[l.traced[i]] = found[i];
+      l.outcome[l.traced[i]] = Classify(rays[i].direction, found[i]);
     }
   }
 
   /// Marks the level's samples that a neighbour's outcome differs from, and lists their quarters.
   void Split(int level) {
-    const int side = lattice_.side() << level;
-    std::vector<uint8_t> map(static_cast<size_t>(side) * side);
-    FanLevel& l = levels_[level];
+    // Outcomes over the square, with a border that differs from nothing.
+    const int side = lattice_.side() << level, stride = side + 2;
+    std::vector<uint8_t>& map = buffers_.map;
+    std::swap(map, buffers_.coarse_map);
+    map.assign(static_cast<size_t>(stride) * stride, kOutside);
+    auto at = [&](int x, int y) -> uint8_t& { return map[static_cast<size_t>(y + 1) * stride + x + 1]; };
+    FanLevel& l = buffers_.levels[level];
     if (level > 0)  // what is seen where the level has no samples
       for (int y = 0; y < side; ++y)
         for (int x = 0; x < side; ++x)
-          map[static_cast<size_t>(y) * side + x] = map_[static_cast<size_t>(y / 2) * (side / 2) + x / 2];
-    auto at = [&](int x, int y) -> uint8_t& { return map[static_cast<size_t>(y) * side + x]; };
+          at(x, y) = buffers_.coarse_map[static_cast<size_t>(y / 2 + 1) * (side / 2 + 2) + x / 2 + 1];
     for (size_t i = 0; i < l.index.size(); ++i) {
-      const auto [x, y] = lattice_.place(level, l.index[i]);
+      const auto& [x, y] = lattice_.place(level, l.index[i]);
       at(x, y) = l.outcome[i];
     }
-    FanLevel& next = levels_[level + 1];
+    FanLevel& next = buffers_.levels[level + 1];
     for (size_t i = 0; i < l.index.size(); ++i) {
       const uint8_t mine = l.outcome[i];
       if (mine == HitSet::kInvalid) continue;
-      const auto [x, y] = lattice_.place(level, l.index[i]);
-      const bool across_x[2] = {x > 0 && at(x - 1, y) != mine, x + 1 < side && at(x + 1, y) != mine};
-      const bool across_y[2] = {y > 0 && at(x, y - 1) != mine, y + 1 < side && at(x, y + 1) != mine};
+      const auto& [x, y] = lattice_.place(level, l.index[i]);
+      auto differs = [mine](uint8_t other) { return other != mine && other != kOutside; };
+      const bool across_x[2] = {differs(at(x - 1, y)), differs(at(x + 1, y))};
+      const bool across_y[2] = {differs(at(x, y - 1)), differs(at(x, y + 1))};
       if (!(across_x[0] || across_x[1] || across_y[0] || across_y[1])) continue;
       l.outcome[i] = HitSet::kSplit;
       for (int q = 0; q < 4; ++q) {
@@ -107,7 +138,6 @@ class Fan {
         next.hits.push_back(l.hits[i]);
       }
     }
-    map_ = std::move(map);
   }
 
   /// Directions under the faces around the vertex do not leave the surface: neither free nor blocked. The
@@ -126,10 +156,7 @@ class Fan {
   const uint32_t vertex_;
   const Frame frame_;
   const HemisphereLattice& lattice_;
-  std::array<FanLevel, HemisphereLattice::kLevels> levels_;
-  std::vector<Ray> rays_;
-  std::vector<Hit> found_;
-  std::vector<uint8_t> map_;  ///< outcomes over the square at the last level's resolution
+  FanBuffers& buffers_;
 };
 
 /// Puts a fan's levels together.
@@ -320,7 +347,9 @@ Frame HitSetCache::LatticeFrame(uint32_t vertex, bool back) const {
 
 std::unique_ptr<HitSet> HitSetCache::Trace(uint32_t vertex, bool back) const {
   const HemisphereLattice& lattice = this->lattice(vertex);
-  Fan fan(input_, surface_, surface_.side(vertex, back), vertex, LatticeFrame(vertex, back), lattice);
+  thread_local FanBuffers buffers;
+  Fan fan(input_, surface_, surface_.side(vertex, back), vertex, LatticeFrame(vertex, back), lattice,
+          &buffers);
   fan.Trace(settings_.split_levels);
   return std::make_unique<HitSet>(HitSetBuilder(fan).Build());
 }

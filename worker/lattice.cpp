@@ -18,13 +18,13 @@ uint32_t CompactBits(uint32_t x) {
 }
 
 /// (x, y) of every cell in Morton order; sides that are no power of two leave out what falls outside.
-std::vector<std::array<int, 2>> MortonCells(int side) {
-  std::vector<std::array<int, 2>> cells;
+std::vector<std::array<uint16_t, 2>> MortonCells(int side) {
+  std::vector<std::array<uint16_t, 2>> cells;
   uint32_t covering = 4;
   while (covering < static_cast<uint32_t>(side)) covering *= 2;
   for (uint32_t code = 0; code < covering * covering; ++code) {
     const int x = static_cast<int>(CompactBits(code)), y = static_cast<int>(CompactBits(code >> 1));
-    if (x < side && y < side) cells.push_back({x, y});
+    if (x < side && y < side) cells.push_back({static_cast<uint16_t>(x), static_cast<uint16_t>(y)});
   }
   return cells;
 }
@@ -47,7 +47,13 @@ glm::vec3 SquareToHemisphere(float u, float v) {
   return {sine * std::cos(phi), sine * std::sin(phi), 1 - r * r};
 }
 
-HemisphereLattice::HemisphereLattice(int side) : side_(side), places_(MortonCells(side)) {
+HemisphereLattice::HemisphereLattice(int side) : side_(side) {
+  places_[0] = MortonCells(side);
+  for (int level = 1; level < kLevels; ++level)
+    for (const auto& [x, y] : places_[level - 1])
+      for (int q = 0; q < 4; ++q)
+        places_[level].push_back(
+            {static_cast<uint16_t>(2 * x + (q & 1)), static_cast<uint16_t>(2 * y + (q >> 1))});
   for (int level = 0; level < kLevels; ++level) {
     const int fine = side << level;
     const float step = 1.0f / static_cast<float>(fine);
@@ -76,15 +82,6 @@ HemisphereLattice::HemisphereLattice(int side) : side_(side), places_(MortonCell
       cosine = std::min(cosine, glm::dot(axis, directions_[kLevels - 1][tile * kTileCells * finest + i]));
     cones_.push_back({axis, cosine, std::sqrt(std::max(0.0f, 1 - cosine * cosine))});
   }
-}
-
-std::array<int, 2> HemisphereLattice::place(int level, int i) const {
-  auto [x, y] = places_[i >> (2 * level)];
-  for (int l = level - 1; l >= 0; --l) {
-    x = 2 * x + ((i >> (2 * l)) & 1);
-    y = 2 * y + ((i >> (2 * l + 1)) & 1);
-  }
-  return {x, y};
 }
 
 }  // namespace glint

@@ -27,7 +27,7 @@ class HemisphereLattice {
   /// Sample i < cells() * 4^level of a level; its quarters are samples 4 i .. 4 i + 3 of the next.
   const glm::vec3& direction(int level, int i) const { return directions_[level][i]; }
   /// Place of sample i on the square of side() * 2^level samples a side.
-  std::array<int, 2> place(int level, int i) const;
+  const std::array<uint16_t, 2>& place(int level, int i) const { return places_[level][i]; }
 
   struct Cone {
     glm::vec3 axis;
@@ -40,7 +40,7 @@ class HemisphereLattice {
   int side_;
   std::array<float, kLevels> solid_angle_;
   std::array<std::vector<glm::vec3>, kLevels> directions_;
-  std::vector<std::array<int, 2>> places_;  ///< of cells
+  std::array<std::vector<std::array<uint16_t, 2>>, kLevels> places_;
   std::vector<Cone> cones_;
 };
 

@@ -54,13 +54,13 @@ TEST_P(LatticeTest, PlacesAreOnePerSampleAndQuartersLieInTheirCell) {
   const HemisphereLattice lattice(GetParam());
   for (int level = 0; level < HemisphereLattice::kLevels; ++level) {
     const int side = lattice.side() << level;
-    std::set<std::array<int, 2>> places;
+    std::set<std::array<uint16_t, 2>> places;
     for (int i = 0; i < side * side; ++i) {
-      const std::array<int, 2> place = lattice.place(level, i);
-      EXPECT_TRUE(place[0] >= 0 && place[0] < side && place[1] >= 0 && place[1] < side);
+      const std::array<uint16_t, 2> place = lattice.place(level, i);
+      EXPECT_TRUE(place[0] < side && place[1] < side);
       places.insert(place);
       if (level == 0) continue;
-      const std::array<int, 2> whole = lattice.place(level - 1, i / 4);
+      const std::array<uint16_t, 2> whole = lattice.place(level - 1, i / 4);
       EXPECT_EQ(place[0] / 2, whole[0]);
       EXPECT_EQ(place[1] / 2, whole[1]);
       EXPECT_LT(glm::length(lattice.direction(level, i) - lattice.direction(level - 1, i / 4)),
