@@ -171,16 +171,16 @@ void RemoveWork(const fs::path& work) {
     Log(LogLevel::kWarning, "cannot remove the work folder " + work.string() + ": " + error.message());
 }
 
-}  // namespace
-
-Result<BakeReport> BakeScene(const Scene& scene, const std::string& name, const fs::path& out_path,
-                             const BakeOptions& options, const BakeProgressCallback& callback) {
-  const double begin = Now();
+/// @param begin, loaded  when the bake began, and when the scene was there
+Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const fs::path& out_path,
+                              const BakeOptions& options, const BakeProgressCallback& callback, double begin,
+                              double loaded) {
   const int threads = ResolveThreadCount(options.threads);
   BakeReport report;
   report.scene = name;
   report.notes = scene.notes;
   report.execution = ExecutionId();
+  if (loaded > begin) report.stage_seconds.emplace_back("load", loaded - begin);
   Progress progress(callback, &report);
 
   progress.Stage("fit");
@@ -224,11 +224,20 @@ Result<BakeReport> BakeScene(const Scene& scene, const std::string& name, const 
   return report;
 }
 
+}  // namespace
+
+Result<BakeReport> BakeScene(const Scene& scene, const std::string& name, const fs::path& out_path,
+                             const BakeOptions& options, const BakeProgressCallback& callback) {
+  const double begin = Now();
+  return BakeLoaded(scene, name, out_path, options, callback, begin, begin);
+}
+
 Result<BakeReport> Bake(const fs::path& scene_path, const fs::path& out_path, const BakeOptions& options,
                         const BakeProgressCallback& progress) {
+  const double begin = Now();
   if (progress) progress({"load", 0, 0, 0, 0});
   GLINT_ASSIGN_OR_RETURN(const Scene scene, LoadScene(scene_path, options.scene_limits));
-  return BakeScene(scene, scene_path.filename().string(), out_path, options, progress);
+  return BakeLoaded(scene, scene_path.filename().string(), out_path, options, progress, begin, Now());
 }
 
 }  // namespace glint

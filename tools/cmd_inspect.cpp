@@ -25,20 +25,19 @@ Json ReadReport(const std::string& archive) {
 }
 
 Json DescribeTable(const SliceTableView& table, const std::string& name) {
-  const uint64_t slices = uint64_t{table.rows()} * table.columns();
   return {{"name", name},
           {"form", table.form() == TableForm::kClassic ? "classic" : "compact"},
           {"rows", table.rows()},
           {"columns", table.columns()},
           {"stored", table.entries()},
-          {"absent", slices - table.entries()},
           {"density", table.density()},
           {"fill", table.fill()},
           {"entry_bytes", table.entry_bytes()},
           {"index_bytes", table.index_bytes()}};
 }
 
-Json DescribeLayers(const Archive& archive) {
+/// @param counts  what the bake's report says of each layer: slices there are, stored, absent
+Json DescribeLayers(const Archive& archive, const Json& counts) {
   Json layers = Json::array();
   for (size_t i = 0; i < archive.layers().size(); ++i) {
     const LayerViews& views = archive.layers()[i];
@@ -47,7 +46,10 @@ Json DescribeLayers(const Archive& archive) {
       tables.push_back(DescribeTable(views.specular[lobe], "specular lobe " + std::to_string(lobe)));
     }
     tables.push_back(DescribeTable(views.diffuse, "diffuse"));
-    layers.push_back({{"layer", i}, {"tables", tables}});
+    Json layer = {{"layer", i}};
+    if (i < counts.size()) layer.update(counts[i]);
+    layer["tables"] = tables;
+    layers.push_back(layer);
   }
   return layers;
 }
@@ -67,6 +69,8 @@ Json DescribeShapes(const BakeDomain& domain) {
 }
 
 Json DescribeArchive(const std::string& path, const Archive& archive) {
+  const Json bake = Parse(archive.report_json());
+  const Json counts = bake.is_object() ? bake.value("layers", Json::array()) : Json::array();
   Json sections = Json::array(), cameras = Json::array();
   for (const SectionInfo& s : archive.sections()) {
     sections.push_back({{"name", s.name},
@@ -82,10 +86,10 @@ Json DescribeArchive(const std::string& path, const Archive& archive) {
           {"triangles", archive.domain().triangles.size()},
           {"directions", DirectionGrid(archive.grid_level()).size()},
           {"cameras", cameras},
-          {"layers", DescribeLayers(archive)},
+          {"layers", DescribeLayers(archive, counts)},
           {"shapes", DescribeShapes(archive.domain())},
           {"sections", sections},
-          {"bake", Parse(archive.report_json())},
+          {"bake", bake},
           {"report", ReadReport(path)}};
 }
 
@@ -120,13 +124,18 @@ std::string ToText(const Json& d) {
   Line(out, "triangles   %llu", d["triangles"].get<Count>());
   Line(out, "directions  %llu", d["directions"].get<Count>());
   out += "cameras     " + d["cameras"].dump() + '\n';
-  Line(out, "\n%-6s %-16s %-8s %10s %12s %12s %8s %7s %12s", "layer", "table", "form", "rows", "stored",
-       "absent", "density", "fill", "index bytes");
+  Line(out, "\n%-6s %12s %12s %12s %14s", "layer", "slices", "stored", "absent", "relative light");
+  for (const Json& layer : d["layers"])
+    if (layer.contains("slices"))
+      Line(out, "%-6d %12llu %12llu %12llu %14.5f", layer["layer"].get<int>(), layer["slices"].get<Count>(),
+           layer["stored"].get<Count>(), layer["absent"].get<Count>(), layer["relative_light"].get<double>());
+  Line(out, "\n%-6s %-16s %-8s %10s %8s %12s %8s %7s %12s", "layer", "table", "form", "rows", "columns",
+       "stored", "density", "fill", "index bytes");
   for (const Json& layer : d["layers"]) {
     for (const Json& t : layer["tables"]) {
-      Line(out, "%-6d %-16s %-8s %10llu %12llu %12llu %8.4f %7.4f %12llu", layer["layer"].get<int>(),
+      Line(out, "%-6d %-16s %-8s %10llu %8llu %12llu %8.4f %7.4f %12llu", layer["layer"].get<int>(),
            t["name"].get<std::string>().c_str(), t["form"].get<std::string>().c_str(), t["rows"].get<Count>(),
-           t["stored"].get<Count>(), t["absent"].get<Count>(), t["density"].get<double>(),
+           t["columns"].get<Count>(), t["stored"].get<Count>(), t["density"].get<double>(),
            t["fill"].get<double>(), t["index_bytes"].get<Count>());
     }
   }

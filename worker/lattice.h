@@ -8,13 +8,13 @@
 namespace glint {
 
 /// side x side cells of equal solid angle over the hemisphere z > 0 (the concentric map of the square to the
-/// disk, then Lambert's equal-area map). Cells are ordered along a Morton curve, so that sixteen in a row
-/// make a 4 x 4 tile of neighbours; and cells have quarters, which have quarters. Samples lie in the middle,
+/// disk, then Lambert's equal-area map). Cells are ordered along a Morton curve, so that eight in a row
+/// make a 4 x 2 tile of neighbours; and cells have quarters, which have quarters. Samples lie in the middle,
 /// but those of whole cells along the horizon lie in turns a quarter of a cell above and below it: what
 /// blocks only the lowest directions is then seen by some of them.
 class HemisphereLattice {
  public:
-  static constexpr int kTileCells = 16;
+  static constexpr int kTileCells = 8;
   static constexpr int kLevels = 3;  ///< cells, quarters, sixteenths
   /// @param side  multiple of 4
   explicit HemisphereLattice(int side);

@@ -66,6 +66,7 @@ struct LayerLight::Pending {
   float side;  ///< -1: seen from behind
   glm::vec3 wo, normal;
   float cos_o;
+  bool defined;  ///< some corner has a slice for wo; else the weights are 0, and the BRDF counts as free
   std::array<uint32_t, 3> word, bit;           ///< of the three directions in a row's words
   std::array<std::array<float, 4>, 3> weight;  ///< of (vertex i, direction j)
   std::array<const Entry*, 9> entry;           ///< at [3 i + j]: of lobe 0
@@ -272,6 +273,7 @@ inline void LayerLight::Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit
   }
   const float sum = total[0] + total[1] + total[2];
   const float scale = sum > 0 ? 1 / sum : 0;
+  hit->defined = sum > 0;
   for (int i = 0; i < 3; ++i) {
     const Float4 scaled = weight[i] * scale;
     std::memcpy(hit->weight[i].data(), &scaled, sizeof scaled);
@@ -326,6 +328,7 @@ inline HitLight LayerLight::Evaluate(const Pending& hit) const {
     Sums sums;
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) sums.Add(hit.weight[i][j], hit.entry[3 * i + j][k]);
+    if (!hit.defined) sums.Add(1, absent_[0]);
     const BrdfLobe& lobe = slice.lobe[k];
     if (layer_ == 0) {
       AddDirect(sums, lobe.Weight(specular), axes[0] * lobe.mu_x + axes[1] * lobe.mu_z, lobe.kappa, &out);

@@ -8,19 +8,13 @@
 #include <numeric>
 #include <utility>
 
+#include "common/base/octahedral.h"
+
 namespace glint {
 namespace {
 
 /// Octahedral map of a unit direction to [0, 1]^2.
-glm::vec2 Octahedral(const glm::vec3& d) {
-  const float norm = std::abs(d.x) + std::abs(d.y) + std::abs(d.z);
-  glm::vec2 p(d.x / norm, d.z / norm);
-  if (d.y < 0) {
-    const glm::vec2 folded(1 - std::abs(p.y), 1 - std::abs(p.x));
-    p = {std::copysign(folded.x, p.x), std::copysign(folded.y, p.y)};
-  }
-  return p * 0.5f + 0.5f;
-}
+glm::vec2 Octahedral(const glm::vec3& d) { return OctahedralFromDirection(d) * 0.5f + 0.5f; }
 
 uint32_t SpreadBits(uint32_t x) {
   x = (x | (x << 8)) & 0x00FF00FFu;
@@ -131,13 +125,8 @@ void DirectionGrid::BuildLocator() {
   std::array<float, 4> weights;
   for (int y = 0; y < squares_; ++y) {
     for (int x = 0; x < squares_; ++x) {
-      glm::vec2 p((x + 0.5f) / squares_ * 2 - 1, (y + 0.5f) / squares_ * 2 - 1);
-      glm::vec3 d(p.x, 1 - std::abs(p.x) - std::abs(p.y), p.y);
-      if (d.y < 0) {
-        d.x = std::copysign(1 - std::abs(p.y), p.x);
-        d.z = std::copysign(1 - std::abs(p.x), p.y);
-      }
-      current = Walk(glm::normalize(d), current, &weights);
+      const glm::vec2 p((x + 0.5f) / squares_ * 2 - 1, (y + 0.5f) / squares_ * 2 - 1);
+      current = Walk(DirectionFromOctahedral(p), current, &weights);
       start[static_cast<size_t>(y) * squares_ + x] = current;
     }
   }

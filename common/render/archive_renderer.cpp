@@ -34,27 +34,22 @@ Scene BareScene(const BakeDomain& domain) {
 class TurnedEnvironment {
  public:
   TurnedEnvironment(const PrefilteredEnvironment& environment, float degrees)
-      : environment_(environment),
-        x_(RotateForLookup({1, 0, 0}, degrees)),
-        y_(RotateForLookup({0, 1, 0}, degrees)),
-        z_(RotateForLookup({0, 0, 1}, degrees)) {}
+      : environment_(environment), frame_(degrees) {}
 
-  glm::vec3 Radiance(const glm::vec3& d) const { return environment_.Radiance(ToLookup(d)); }
+  glm::vec3 Radiance(const glm::vec3& d) const { return environment_.Radiance(frame_.ToLookup(d)); }
 
   /// Light that one term of the transfer reflects at a point with shading normal `normal`.
   glm::vec3 Reflected(const TransferLobe& lobe, const glm::vec3& normal) const {
-    const glm::vec3 filtered = environment_.Filtered(ToLookup(lobe.mu), lobe.kappa);
+    const glm::vec3 filtered = environment_.Filtered(frame_.ToLookup(lobe.mu), lobe.kappa);
     if (!lobe.cosine) return lobe.alpha * filtered;
-    const glm::vec3 n = ToLookup(normal);
+    const glm::vec3 n = frame_.ToLookup(normal);
     const glm::vec3 correction = environment_.CosineAverage(n) - environment_.Filtered(n, kCosineKappa);
     return lobe.alpha * glm::max(glm::vec3(0), correction + filtered);
   }
 
  private:
-  glm::vec3 ToLookup(const glm::vec3& d) const { return x_ * d.x + y_ * d.y + z_ * d.z; }
-
   const PrefilteredEnvironment& environment_;
-  glm::vec3 x_, y_, z_;  // where the world's axes look up
+  const LookupFrame frame_;
 };
 
 /// Position of sample `i` of `count` in the pixel: a Hammersley set moved to cell centres, so that one sample

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <glm/geometric.hpp>
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 #include <string>
@@ -62,5 +63,21 @@ class Environment {
 
 /// d turned by -degrees about +Y: the direction to look up for an environment turned by `degrees`.
 glm::vec3 RotateForLookup(const glm::vec3& d, float degrees);
+
+/// The same turn for many directions.
+class LookupFrame {
+ public:
+  explicit LookupFrame(float degrees)
+      : x_(RotateForLookup({1, 0, 0}, degrees)),
+        y_(RotateForLookup({0, 1, 0}, degrees)),
+        z_(RotateForLookup({0, 0, 1}, degrees)) {}
+  glm::vec3 ToLookup(const glm::vec3& world) const { return x_ * world.x + y_ * world.y + z_ * world.z; }
+  glm::vec3 ToWorld(const glm::vec3& lookup) const {
+    return {glm::dot(x_, lookup), glm::dot(y_, lookup), glm::dot(z_, lookup)};
+  }
+
+ private:
+  glm::vec3 x_, y_, z_;  ///< where the world's axes look up
+};
 
 }  // namespace glint

@@ -7,6 +7,7 @@
 
 #include "common/base/files.h"
 #include "common/base/frame.h"
+#include "common/base/srgb.h"
 #include "common/render/image_codecs.h"
 
 namespace glint {
@@ -57,9 +58,7 @@ float LinearToSrgb(float linear) {
   return linear <= 0.0031308f ? 12.92f * linear : 1.055f * std::pow(linear, 1 / 2.4f) - 0.055f;
 }
 
-float SrgbToLinear(float encoded) {
-  return encoded <= 0.04045f ? encoded / 12.92f : std::pow((encoded + 0.055f) / 1.055f, 2.4f);
-}
+float SrgbToLinear(float encoded) { return static_cast<float>(SrgbDecode(encoded)); }
 
 glm::vec3 ToneMapped(const glm::vec3& radiance, const ToneMap& tone) {
   glm::vec3 c = radiance * tone.exposure;

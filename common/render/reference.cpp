@@ -30,26 +30,20 @@ constexpr int kMaxSamples = 1 << 20;
 class TurnedEnvironment {
  public:
   TurnedEnvironment(const Environment& environment, float degrees)
-      : environment_(environment),
-        x_(RotateForLookup({1, 0, 0}, degrees)),
-        y_(RotateForLookup({0, 1, 0}, degrees)),
-        z_(RotateForLookup({0, 0, 1}, degrees)) {}
+      : environment_(environment), frame_(degrees) {}
 
-  glm::vec3 Radiance(const glm::vec3& d) const { return environment_.Radiance(ToLookup(d)); }
-  float Pdf(const glm::vec3& d) const { return environment_.Pdf(ToLookup(d)); }
+  glm::vec3 Radiance(const glm::vec3& d) const { return environment_.Radiance(frame_.ToLookup(d)); }
+  float Pdf(const glm::vec3& d) const { return environment_.Pdf(frame_.ToLookup(d)); }
   Environment::Sample SampleDirection(const glm::vec2& u, glm::vec3* radiance) const {
     Environment::Sample sample = environment_.SampleDirection(u.x, u.y);
     *radiance = environment_.Radiance(sample.direction);
-    sample.direction = {glm::dot(x_, sample.direction), glm::dot(y_, sample.direction),
-                        glm::dot(z_, sample.direction)};
+    sample.direction = frame_.ToWorld(sample.direction);
     return sample;
   }
 
  private:
-  glm::vec3 ToLookup(const glm::vec3& d) const { return x_ * d.x + y_ * d.y + z_ * d.z; }
-
   const Environment& environment_;
-  glm::vec3 x_, y_, z_;  // where the world's axes look up
+  const LookupFrame frame_;
 };
 
 /// A path's vertex: everything that scattering there needs.

@@ -4,17 +4,16 @@
 #include <cmath>
 #include <glm/common.hpp>
 
+#include "common/base/srgb.h"
+
 namespace glint {
 namespace {
 
-// IEC 61966-2-1 decoding of all 256 codes.
+// sRGB decoding of all 256 codes.
 const std::array<float, 256>& SrgbToLinear() {
   static const std::array<float, 256> table = [] {
     std::array<float, 256> t{};
-    for (int i = 0; i < 256; ++i) {
-      const double c = i / 255.0;
-      t[i] = static_cast<float>(c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4));
-    }
+    for (int i = 0; i < 256; ++i) t[i] = static_cast<float>(SrgbDecode(i / 255.0));
     return t;
   }();
   return table;

@@ -1,0 +1,193 @@
+#include "worker/layer_light.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "common/archive/lobe_codec.h"
+#include "common/archive/transfer.h"
+#include "common/base/frame.h"
+#include "common/base/rng.h"
+#include "common/scene/generate.h"
+#include "worker/gather.h"
+
+namespace glint {
+namespace {
+
+/// The first two layers of a small scene, gathered.
+class LayerLightTest : public testing::Test {
+ protected:
+  explicit LayerLightTest(uint32_t vertices = 900, float exponent = 64)
+      : scene_(*GenerateScene("goblets", {vertices, exponent})),
+        domain_(BuildBakeDomain(scene_, {}, 1)),
+        grid_(2),
+        rays_(scene_, 1) {
+    BakeSettings settings;
+    settings.grid_level = 2;
+    const GatherInput input{domain_, rays_, grid_};
+    const std::unique_ptr<Gatherer> gatherer = MakeGatherer(input, settings, 0);
+    for (int layer = 0; layer < 2; ++layer) {
+      gatherer->BeginLayer(layer, layer ? &views_[0] : nullptr, 1);
+      Keep(gatherer->Gather({0, domain_.vertex_count(), 0, grid_.size()}), layer);
+    }
+  }
+
+  /// The same look-up by the reader that pictures use.
+  HitLight Read(const TransferReader& reader, const LightQuery& query, int layer, int* lobes) const {
+    HitLight light;
+    TransferPoint point;
+    *lobes = 0;
+    if (!reader.Prepare(query.triangle, query.u, query.v, query.wo, &point)) return light;
+    LayerLobes read;
+    reader.Read(point, views_[layer], layer, &read);
+    *lobes = read.count;
+    for (int i = 0; i < read.count; ++i) {
+      light.alpha += read.lobe[i].alpha;
+      light.moment +=
+          Luminance(read.lobe[i].alpha) * MeanCosineFromKappa(read.lobe[i].kappa) * read.lobe[i].mu;
+    }
+    return light;
+  }
+
+  std::vector<LightQuery> RandomQueries(int count) const {
+    std::vector<LightQuery> queries;
+    CounterRng rng(7, 1);
+    for (int i = 0; i < count; ++i) {
+      const float a = rng.Uniform(), b = rng.Uniform(), z = 2 * rng.Uniform() - 1,
+                  phi = 6.28f * rng.Uniform();
+      const float r = std::sqrt(1 - z * z);
+      queries.push_back({rng.Bits() % static_cast<uint32_t>(domain_.triangles.size()),
+                         std::min(a, b),
+                         std::max(a, b) - std::min(a, b),
+                         {r * std::cos(phi), r * std::sin(phi), z}});
+    }
+    return queries;
+  }
+
+  const Scene scene_;
+  const BakeDomain domain_;
+  const DirectionGrid grid_;
+  const RayScene rays_;
+  LayerViews views_[2];
+
+ private:
+  void Keep(const BlockResult& block, int layer) {
+    const uint32_t entry_bytes = layer == 0 ? kDirectEntryBytes : kIndirectEntryBytes;
+    for (size_t slot = 0; slot < block.slots.size(); ++slot) {
+      const bool diffuse = slot + 1 == block.slots.size();
+      const BlockRows& rows = block.slots[slot];
+      SliceTableBuilder builder(domain_.vertex_count(), diffuse ? 2 : grid_.size(), entry_bytes);
+      size_t first = 0;
+      for (const uint16_t count : rows.counts) {
+        builder.AppendRow(std::span(rows.columns).subspan(first, count),
+                          std::span(rows.entries).subspan(first * entry_bytes, size_t{count} * entry_bytes));
+        first += count;
+      }
+      bytes_.push_back(builder.Finish());
+      const SliceTableView view = *SliceTableView::Parse(bytes_.back());
+      if (diffuse) {
+        views_[layer].diffuse = view;
+      } else {
+        views_[layer].specular.push_back(view);
+      }
+    }
+  }
+
+  std::vector<std::vector<std::byte>> bytes_;
+};
+
+class GgxLayerLightTest : public LayerLightTest {
+ protected:
+  GgxLayerLightTest() : LayerLightTest(200, 0) {}
+};
+
+/// Relative rms difference from the reader over random look-ups.
+struct Difference {
+  double alpha = 0, moment = 0;
+  int lit = 0;
+};
+
+template <class Test>
+Difference Compare(const Test& test, const BakeDomain& domain, const DirectionGrid& grid,
+                   const LayerViews& views, int layer, const std::vector<LightQuery>& queries) {
+  const LayerLight light(domain, grid, views, layer, 2);
+  std::vector<HitLight> answers(queries.size());
+  light.Look(queries, answers.data());
+  const TransferReader reader(domain, grid);
+  double alpha = 0, moment = 0, norm = 0;
+  Difference difference;
+  for (size_t i = 0; i < queries.size(); ++i) {
+    int lobes = 0;
+    const HitLight want = test(reader, queries[i], &lobes);
+    EXPECT_TRUE(std::isfinite(answers[i].moment.x + answers[i].alpha.x));
+    EXPECT_LE(glm::length(answers[i].moment), Luminance(answers[i].alpha) * 1.001f + 1e-6f);
+    const double weight = glm::dot(want.alpha, want.alpha);
+    const glm::vec3 da = answers[i].alpha - want.alpha, dm = answers[i].moment - want.moment;
+    alpha += glm::dot(da, da);
+    moment += glm::dot(dm, dm);
+    norm += weight;
+    difference.lit += weight > 0;
+  }
+  difference.alpha = std::sqrt(alpha / norm);
+  difference.moment = std::sqrt(moment / norm);
+  return difference;
+}
+
+TEST_F(LayerLightTest, AnswersAsTheReaderOfPictures) {
+  const std::vector<LightQuery> queries = RandomQueries(4000);
+  for (int layer = 0; layer < 2; ++layer) {
+    const auto read = [&](const TransferReader& reader, const LightQuery& query, int* lobes) {
+      return Read(reader, query, layer, lobes);
+    };
+    const Difference d = Compare(read, domain_, grid_, views_[layer], layer, queries);
+    EXPECT_GT(d.lit, 500);
+    EXPECT_LT(d.alpha, 1e-3) << layer;
+    // Unlike corners are kept apart here, and gathered into groups there.
+    EXPECT_LT(d.moment, layer == 0 ? 1e-3 : 0.05) << layer;
+  }
+}
+
+TEST_F(GgxLayerLightTest, AnswersAsTheReaderOfPictures) {
+  const std::vector<LightQuery> queries = RandomQueries(4000);
+  for (int layer = 0; layer < 2; ++layer) {
+    const auto read = [&](const TransferReader& reader, const LightQuery& query, int* lobes) {
+      return Read(reader, query, layer, lobes);
+    };
+    const Difference d = Compare(read, domain_, grid_, views_[layer], layer, queries);
+    EXPECT_GT(d.lit, 500);
+    EXPECT_LT(d.alpha, 1e-3) << layer;
+    EXPECT_LT(d.moment, layer == 0 ? 1e-3 : 0.05) << layer;
+  }
+}
+
+TEST_F(LayerLightTest, OneByOneIsAsInBatches) {
+  const std::vector<LightQuery> queries = RandomQueries(500);
+  const LayerLight light(domain_, grid_, views_[1], 1, 1);
+  std::vector<HitLight> together(queries.size());
+  light.Look(queries, together.data());
+  for (size_t i = 0; i < queries.size(); ++i) {
+    HitLight alone;
+    light.Look(std::span(&queries[i], 1), &alone);
+    // Directions on a common edge of two grid triangles may be given to either.
+    EXPECT_LT(glm::length(alone.alpha - together[i].alpha), 1e-4f);
+    EXPECT_LT(glm::length(alone.moment - together[i].moment), 1e-4f);
+  }
+}
+
+TEST_F(LayerLightTest, ThreadsDoNotShow) {
+  const std::vector<LightQuery> queries = RandomQueries(500);
+  std::vector<HitLight> one(queries.size()), three(queries.size());
+  LayerLight(domain_, grid_, views_[0], 0, 1).Look(queries, one.data());
+  LayerLight(domain_, grid_, views_[0], 0, 3).Look(queries, three.data());
+  for (size_t i = 0; i < queries.size(); ++i) {
+    EXPECT_EQ(one[i].alpha, three[i].alpha);
+    EXPECT_EQ(one[i].moment, three[i].moment);
+  }
+}
+
+}  // namespace
+}  // namespace glint
