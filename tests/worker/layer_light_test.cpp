@@ -102,7 +102,7 @@ class LayerLightTest : public testing::Test {
 
 class GgxLayerLightTest : public LayerLightTest {
  protected:
-  GgxLayerLightTest() : LayerLightTest(200, 0) {}
+  GgxLayerLightTest() : LayerLightTest(600, 0) {}
 };
 
 /// Relative rms difference from the reader over random look-ups.
