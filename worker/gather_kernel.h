@@ -60,6 +60,8 @@ struct GatherKernels {
   const char* level;
   /// Writes the indices of tiles whose cone meets the query's; returns how many.
   int (*select_tiles)(const TileCones& cones, const QueryCone& query, uint16_t* out);
+  /// Whether any cone meets the query's.
+  bool (*any_tile)(const TileCones& cones, const QueryCone& query);
   void (*direct_lobe)(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w,
                       DirectSums* out);
   void (*indirect_lobe)(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w,

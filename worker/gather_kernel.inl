@@ -124,31 +124,45 @@ inline uint32_t SignMask(const Floats& v) {
 #endif
 }
 
-/// Two cones meet if the angle between their axes is at most the sum of their radii a + b; with a + b <= pi that is
-/// cos(angle) >= cos a cos b - sin a sin b.
-int SelectTiles(const TileCones& cones, const QueryCone& query, uint16_t* out) {
-  const Floats x = Splat(query.x), y = Splat(query.y), z = Splat(query.z);
-  const Floats cos_b = Splat(query.cos_radius), sin_b = Splat(query.sin_radius);
-  int count = 0;
-  for (int i = 0; i < cones.padded_count; i += kLanes) {
+/// A cone that tiles are tested against, kLanes at a time.
+struct ConeQuery {
+  Floats x, y, z, cos_b, sin_b;
+  explicit ConeQuery(const QueryCone& q)
+      : x(Splat(q.x)), y(Splat(q.y)), z(Splat(q.z)), cos_b(Splat(q.cos_radius)), sin_b(Splat(q.sin_radius)) {}
+
+  /// Bit l: cone i + l meets it. Two cones meet if the angle between their axes is at most the sum of their radii a + b;
+  /// with a + b <= pi that is cos(angle) >= cos a cos b - sin a sin b.
+  uint32_t Meets(const TileCones& cones, int i) const {
     const Floats cos_a = Load(cones.cos_radius + i), sin_a = Load(cones.sin_radius + i);
     const Floats cosine = x * Load(cones.x + i) + y * Load(cones.y + i) + z * Load(cones.z + i);
     // a + b > pi (cos a + cos b < 0) meets everything; padding (cos a = -4) meets nothing.
     const Floats bound = cos_a + cos_b < 0.0f ? Splat(-2) : cos_a * cos_b - sin_a * sin_b;
     const Floats outside = cos_a < -2.0f ? Splat(-1) : cosine - bound + 1e-6f;
-    uint32_t inside = ~SignMask(outside) & 0xFFu;
-    while (inside) {
-      out[count++] = static_cast<uint16_t>(i + __builtin_ctz(inside));
-      inside &= inside - 1;
-    }
+    return ~SignMask(outside) & 0xFFu;
   }
+};
+
+int SelectTiles(const TileCones& cones, const QueryCone& query, uint16_t* out) {
+  const ConeQuery cone(query);
+  int count = 0;
+  for (int i = 0; i < cones.padded_count; i += kLanes)
+    for (uint32_t inside = cone.Meets(cones, i); inside; inside &= inside - 1)
+      out[count++] = static_cast<uint16_t>(i + __builtin_ctz(inside));
   return count;
+}
+
+bool AnyTile(const TileCones& cones, const QueryCone& query) {
+  const ConeQuery cone(query);
+  for (int i = 0; i < cones.padded_count; i += kLanes)
+    if (cone.Meets(cones, i)) return true;
+  return false;
 }
 
 }  // namespace
 
 const GatherKernels GLINT_KERNELS = {GLINT_KERNEL_LEVEL,
                                      SelectTiles,
+                                     AnyTile,
                                      SumLobe<DirectAccumulator, DirectSums>,
                                      SumLobe<IndirectAccumulator, IndirectSums>,
                                      SumCosine<DirectAccumulator, DirectSums>,

@@ -49,10 +49,12 @@ struct FanBuffers {
   std::vector<Ray> rays;
   std::vector<Hit> found;
   std::vector<uint8_t> map, coarse_map;
+  std::vector<glm::vec3> normals;
 };
 
 /// One side of one vertex being traced: every cell; then, where a neighbour across a side sees another
-/// outcome, the quarters on that side, while the others keep what their cell saw; and theirs again.
+/// outcome, or a face at quite another angle, the quarters on that side, while the others keep what their
+/// cell saw; and theirs again where the outcome differs.
 class Fan {
  public:
   Fan(const GatherInput& input, const SurfaceVertices& surface, const VertexSide& side, uint32_t vertex,
@@ -85,6 +87,8 @@ class Fan {
 
  private:
   static constexpr uint8_t kOutside = 255;
+  /// Cells whose faces turn by more (30 degrees) see a mirror image change too fast for one look.
+  static constexpr float kLikeNormals = 0.85f;
 
   void TraceLevel(int level) {
     FanLevel& l = buffers_.levels[level];
@@ -104,9 +108,9 @@ class Fan {
     }
   }
 
-  /// Marks the level's samples that a neighbour's outcome differs from, and lists their quarters.
+  /// Marks the level's samples that a neighbour differs from, and lists their quarters.
   void Split(int level) {
-    // Outcomes over the square, with a border that differs from nothing.
+    // What is seen over the square, with a border that differs from nothing.
     const int side = lattice_.side() << level, stride = side + 2;
     std::vector<uint8_t>& map = buffers_.map;
     std::swap(map, buffers_.coarse_map);
@@ -121,14 +125,21 @@ class Fan {
       const auto& [x, y] = lattice_.place(level, l.index[i]);
       at(x, y) = l.outcome[i];
     }
+    if (level == 0) MapNormals(stride);
     FanLevel& next = buffers_.levels[level + 1];
     for (size_t i = 0; i < l.index.size(); ++i) {
       const uint8_t mine = l.outcome[i];
       if (mine == HitSet::kInvalid) continue;
       const auto& [x, y] = lattice_.place(level, l.index[i]);
-      auto differs = [mine](uint8_t other) { return other != mine && other != kOutside; };
-      const bool across_x[2] = {differs(at(x - 1, y)), differs(at(x + 1, y))};
-      const bool across_y[2] = {differs(at(x, y - 1)), differs(at(x, y + 1))};
+      auto differs = [&, x = x, y = y](int dx, int dy) {
+        const uint8_t other = at(x + dx, y + dy);
+        if (other != mine) return other != kOutside;
+        if (level > 0 || mine != HitSet::kHit) return false;
+        const glm::vec3* normal = &buffers_.normals[static_cast<size_t>(y + 1) * stride + x + 1];
+        return glm::dot(*normal, normal[dy * stride + dx]) < kLikeNormals;
+      };
+      const bool across_x[2] = {differs(-1, 0), differs(1, 0)};
+      const bool across_y[2] = {differs(0, -1), differs(0, 1)};
       if (!(across_x[0] || across_x[1] || across_y[0] || across_y[1])) continue;
       l.outcome[i] = HitSet::kSplit;
       for (int q = 0; q < 4; ++q) {
@@ -137,6 +148,18 @@ class Fan {
         next.outcome.push_back(mine);
         next.hits.push_back(l.hits[i]);
       }
+    }
+  }
+
+  /// Unit normals of the faces that cells met, laid out as the map.
+  void MapNormals(int stride) {
+    const FanLevel& cells = buffers_.levels[0];
+    buffers_.normals.resize(static_cast<size_t>(stride) * stride);
+    for (size_t i = 0; i < cells.index.size(); ++i) {
+      if (cells.outcome[i] != HitSet::kHit) continue;
+      const auto& [x, y] = lattice_.place(0, cells.index[i]);
+      buffers_.normals[static_cast<size_t>(y + 1) * stride + x + 1] =
+          surface_.face_normal(cells.hits[i].triangle);
     }
   }
 
@@ -251,6 +274,7 @@ void HemisphereSamples::Expand(const HitSet& hits, const HemisphereLattice& latt
   count_ = 0;
   tile_begin_.clear();
   tile_blocked_.clear();
+  blocked_tiles_.clear();
   hit_sample_.clear();
   cone_arrays_.Clear();
   blocked_cone_arrays_.Clear();
@@ -275,7 +299,9 @@ void HemisphereSamples::Expand(const HitSet& hits, const HemisphereLattice& latt
     const bool blocked = hit_sample_.size() > hits_before;
     tile_blocked_.push_back(blocked);
     cone_arrays_.Add(lattice.tile_cone(tile));
-    if (blocked) blocked_cone_arrays_.Add(lattice.tile_cone(tile));
+    if (!blocked) continue;
+    blocked_cone_arrays_.Add(lattice.tile_cone(tile));
+    blocked_tiles_.push_back(static_cast<uint16_t>(tile));
   }
   tile_begin_.push_back(count_);
   cones_ = cone_arrays_.Pad();
@@ -351,7 +377,9 @@ std::unique_ptr<HitSet> HitSetCache::Trace(uint32_t vertex, bool back) const {
   Fan fan(input_, surface_, surface_.side(vertex, back), vertex, LatticeFrame(vertex, back), lattice,
           &buffers);
   fan.Trace(settings_.split_levels);
-  return std::make_unique<HitSet>(HitSetBuilder(fan).Build());
+  auto set = std::make_unique<HitSet>(HitSetBuilder(fan).Build());
+  set->lobe_weights.assign(input_.grid.size() * static_cast<size_t>(input_.domain.max_lobes()), -1.0f);
+  return set;
 }
 
 const HitSet& HitSetCache::Get(uint32_t vertex, bool back, std::unique_ptr<HitSet>* keep) {

@@ -36,8 +36,14 @@ struct HitSet {
   uint32_t cells = 0;
   std::vector<SurfaceHit> hits;  ///< of samples that are at least partly blocked, in their order
   uint64_t rays = 0;
+  /// [column * max_lobes + lobe]: sum of that lobe's weights over all samples, the same in every layer; -1
+  /// where it is not known yet. Blocks of other columns may be at work at the same time, on other elements.
+  mutable std::vector<float> lobe_weights;
 
-  size_t bytes() const { return sizeof *this + outcome.capacity() + hits.capacity() * sizeof(SurfaceHit); }
+  size_t bytes() const {
+    return sizeof *this + outcome.capacity() + hits.capacity() * sizeof(SurfaceHit) +
+           lobe_weights.capacity() * sizeof(float);
+  }
 };
 
 /// Samples of a hit set laid out for the kernels, with room for a layer's light. Buffers are reused.
@@ -51,6 +57,8 @@ class HemisphereSamples {
   SampleArrays arrays() const;
   const TileCones& cones() const { return cones_; }
   const TileCones& blocked_cones() const { return blocked_cones_; }
+  /// Tile of one of the blocked cones.
+  uint16_t blocked_tile(int i) const { return blocked_tiles_[i]; }
   int tiles() const { return tiles_; }
   bool any_blocked() const { return blocked_cones_.padded_count > 0; }
 
@@ -71,6 +79,7 @@ class HemisphereSamples {
   std::vector<HitLight> answers_;
   uint32_t count_ = 0;  ///< samples laid out, padding included
   std::vector<uint8_t> tile_blocked_;
+  std::vector<uint16_t> blocked_tiles_;
   ConeArrays cone_arrays_, blocked_cone_arrays_;
   TileCones cones_{}, blocked_cones_{};
   int tiles_ = 0;

@@ -33,9 +33,11 @@ struct Scratch {
 
 /// One side of a vertex, ready to be summed over.
 struct Side {
+  std::unique_ptr<HitSet> keep;  ///< the hit set where the cache has no room for it
   Frame frame;  ///< lattice to world; n is the side's shading normal
   HemisphereSamples* samples;
   SampleArrays arrays;
+  float* lobe_weights;  ///< HitSet::lobe_weights
   float max_kappa;
 };
 
@@ -85,14 +87,14 @@ class SharedGatherer : public Gatherer {
   }
 
   Side PrepareSide(uint32_t v, int s, Scratch* scratch, GatherCounters* counters) {
-    std::unique_ptr<HitSet> keep;
-    const HitSet& hits = cache_.Get(v, s, &keep);
+    Side side;
+    const HitSet& hits = cache_.Get(v, s, &side.keep);
     if (!light_ && counters) counters->rays += hits.rays;
     const HemisphereLattice& lattice = cache_.lattice(v);
-    Side side;
     side.frame = cache_.LatticeFrame(v, s);
     side.samples = &scratch->samples[s];
     side.samples->Expand(hits, lattice);
+    side.lobe_weights = hits.lobe_weights.data();
     if (light_) side.samples->Shade(hits, side.frame, *light_);
     side.arrays = side.samples->arrays();
     side.max_kappa = kKappaPerSample * static_cast<float>(lattice.cells());
@@ -111,26 +113,47 @@ class SharedGatherer : public Gatherer {
       const glm::vec3 local = side.frame.ToLocal(slice.Direction(slice.lobes.lobe[k]));
       const float cosine = std::max(-1.0f, 1 - kCutoff / std::max(kappa, 1.0f));
       const QueryCone cone{local.x, local.y, local.z, cosine, std::sqrt(1 - cosine * cosine)};
-      uint16_t* tiles = scratch->tiles.data();
-      if (kernels_.select_tiles(side.samples->blocked_cones(), cone, tiles) == 0) continue;
-      const int count = kernels_.select_tiles(side.samples->cones(), cone, tiles);
+      if (!kernels_.any_tile(side.samples->blocked_cones(), cone)) continue;
       const LobeWeight weight{local.x, local.y, local.z, kappa * kLog2E};
       const BrdfLobe seen = slice.Seen(sampler, k);
       const float resolution = std::min(kappa / std::max(fitted, 1e-6f), 1.0f);
       const SliceLobe lobe{slice.Direction(seen), seen.kappa, resolution};
-      const auto stored_column = static_cast<uint16_t>(column);
+      float& all = side.lobe_weights[column * static_cast<size_t>(input_.domain.max_lobes()) + k];
       if (!light_) {
-        DirectSums sums;
-        kernels_.direct_lobe(side.arrays, tiles, count, weight, &sums);
+        const DirectSums sums = SumDirect(side, cone, weight, scratch);
+        all = sums.all;
         const DirectMoments moments =
             ToMoments(sums, side, lobe.mu, 1 - DeltaFromKappa(lobe.resolved_kappa()));
-        StoreDirect(FitDirect(lobe, moments, settings_.drop), stored_column, &result->slots[k]);
+        StoreDirect(FitDirect(lobe, moments, settings_.drop), static_cast<uint16_t>(column),
+                    &result->slots[k]);
       } else {
-        IndirectSums sums;
-        kernels_.indirect_lobe(side.arrays, tiles, count, weight, &sums);
-        StoreIndirect(FitIndirect(lobe, ToMoments(sums), settings_.drop), stored_column, &result->slots[k]);
+        if (all < 0) all = SumDirect(side, cone, weight, scratch).all;
+        IndirectSums sums = SumIndirect(side, cone, weight, scratch);
+        sums.all = all;
+        StoreIndirect(FitIndirect(lobe, ToMoments(sums), settings_.drop), static_cast<uint16_t>(column),
+                      &result->slots[k]);
       }
     }
+  }
+
+  DirectSums SumDirect(const Side& side, const QueryCone& cone, const LobeWeight& weight,
+                       Scratch* scratch) const {
+    uint16_t* tiles = scratch->tiles.data();
+    DirectSums sums;
+    const int count = kernels_.select_tiles(side.samples->cones(), cone, tiles);
+    kernels_.direct_lobe(side.arrays, tiles, count, weight, &sums);
+    return sums;
+  }
+
+  /// Light comes from tiles that hold something only.
+  IndirectSums SumIndirect(const Side& side, const QueryCone& cone, const LobeWeight& weight,
+                           Scratch* scratch) const {
+    uint16_t* tiles = scratch->tiles.data();
+    IndirectSums sums;
+    const int count = kernels_.select_tiles(side.samples->blocked_cones(), cone, tiles);
+    for (int i = 0; i < count; ++i) tiles[i] = side.samples->blocked_tile(tiles[i]);
+    kernels_.indirect_lobe(side.arrays, tiles, count, weight, &sums);
+    return sums;
   }
 
   void GatherDiffuse(uint32_t v, int s, const Side& side, BlockResult* result) {

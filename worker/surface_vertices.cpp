@@ -28,6 +28,7 @@ SurfaceVertices::SurfaceVertices(const BakeDomain& domain, float epsilon)
     const glm::vec3 p[3] = {domain.positions[t[0]], domain.positions[t[1]], domain.positions[t[2]]};
     const glm::vec3 cross = glm::cross(p[1] - p[0], p[2] - p[0]);
     const float area2 = glm::length(cross);
+    face_normal_.push_back(area2 > 0 ? cross / area2 : glm::vec3(0));
     for (int i = 0; i < 3; ++i) {
       const uint32_t v = t[i];
       used_[v] = 1;

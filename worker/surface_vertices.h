@@ -31,13 +31,15 @@ class SurfaceVertices {
     const auto& t = domain_.triangles[triangle];
     return t[0] == vertex || t[1] == vertex || t[2] == vertex;
   }
+  /// Unit; 0 for a triangle without area.
+  const glm::vec3& face_normal(uint32_t triangle) const { return face_normal_[triangle]; }
   /// Hits of incident triangles nearer than this lie at the vertex itself.
   float touch_distance(uint32_t vertex) const { return touch_[vertex]; }
 
  private:
   const BakeDomain& domain_;
   float epsilon_;
-  std::vector<glm::vec3> inset_, geometric_;
+  std::vector<glm::vec3> inset_, geometric_, face_normal_;
   std::vector<float> touch_;
   std::vector<uint8_t> used_;
 };

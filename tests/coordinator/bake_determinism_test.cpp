@@ -91,7 +91,7 @@ TEST(BakeSettingsTest, WhatDecidesTheResultShows) {
   const std::function<void(BakeOptions*)> changes[] = {
       [](BakeOptions* o) { o->settings.seed = 2; }, [](BakeOptions* o) { o->settings.max_rays = 1024; },
       [](BakeOptions* o) { o->settings.drop = 0.1f; },
-      [](BakeOptions* o) { o->settings.split_levels = 1; },
+      [](BakeOptions* o) { o->settings.split_levels = 2; },
       [](BakeOptions* o) { o->settings.method = GatherMethod::kPaper; }};
   for (const auto& change : changes) {
     BakeOptions changed = options;
