@@ -100,7 +100,7 @@ TEST(BakeSettingsTest, WhatDecidesTheResultShows) {
 }
 
 TEST(BakeSettingsTest, WhatDecidesTheArchiveShowsInItsKey) {
-  const Scene scene = Generated("planes", 100);
+  const Scene scene = Generated("planes");
   BakeOptions options = SmallOptions();
   options.max_layers = 1;
   const Digest expected = BakeHere(scene, options).report.archive_key;
@@ -121,7 +121,7 @@ TEST(BakeSettingsTest, WhatDecidesTheArchiveShowsInItsKey) {
     EXPECT_EQ(archive->archive_key(), baked.report.archive_key);
     EXPECT_TRUE(baked.report.json.find(baked.report.archive_key.Hex()) != std::string::npos);
   }
-  Scene other_camera = Generated("planes", 100);
+  Scene other_camera = Generated("planes");
   other_camera.cameras.at(0).name += "2";
   EXPECT_NE(BakeHere(other_camera, options).report.archive_key, expected);
 }
@@ -131,8 +131,7 @@ TEST(BakeSettingsTest, NumbersOfLayersThatNoArchiveHoldsAreRefused) {
   BakeOptions options = SmallOptions();
   for (const int layers : {-1, kMaxIndirectLayers + 1}) {
     options.max_layers = layers;
-    const Status status =
-        BakeScene(Generated("planes", 100), "scene", folder / "out.glint", options).status();
+    const Status status = BakeScene(Generated("planes"), "scene", folder / "out.glint", options).status();
     EXPECT_EQ(status.kind(), ErrorKind::kUsage) << layers;
   }
 }
@@ -142,7 +141,7 @@ TEST(BakeSettingsTest, AScenesNameMayBeInAnyEncoding) {
   BakeOptions options = SmallOptions();
   options.max_layers = 0;
   const Result<BakeReport> report =
-      BakeScene(Generated("planes", 100), "caf\xe9.glb", folder / "out.glint", options);
+      BakeScene(Generated("planes"), "caf\xe9.glb", folder / "out.glint", options);
   ASSERT_TRUE(report.ok()) << report.status().message();
   EXPECT_NE(report->json.find("caf\xef\xbf\xbd.glb"), std::string::npos) << "a replacement character";
 }

@@ -226,7 +226,7 @@ TEST(ToolsWholeWayTest, SceneToArchiveToPicture) {
 class ToolsArchiveTest : public testing::Test {
  protected:
   void SetUp() override {
-    ASSERT_EQ(Glint({"scene", "planes", "--vertices", "200", "-o", scene_}).exit_code, 0);
+    ASSERT_EQ(Glint({"scene", "planes", "--vertices", "500", "-o", scene_}).exit_code, 0);
     ASSERT_EQ(Bake({}).exit_code, 0);
   }
   ProcessResult Bake(std::vector<std::string> words) const {
