@@ -16,10 +16,10 @@
 #include "common/domain/bake_domain.h"
 #include "common/domain/direction_grid.h"
 #include "common/scene/ray_scene.h"
-#include "common/store/store.h"
 #include "coordinator/bake_report.h"
 #include "coordinator/layer.h"
 #include "coordinator/local_executor.h"
+#include "coordinator/work_folder.h"
 
 namespace glint {
 namespace {
@@ -38,6 +38,22 @@ Digest BakeKey(const Scene& scene, const BakeOptions& options) {
   Hasher hasher;
   hasher.String("glint bake").String(ExecutionId()).Add(scene.content);
   HashSettings(options.settings, &hasher);
+  return hasher.Finish();
+}
+
+/// The bake's key, and what decides which of its layers the archive holds, in which form, beside what else.
+Digest ArchiveKey(const Digest& bake_key, const Scene& scene, const std::string& name,
+                  const BakeOptions& options) {
+  Hasher hasher;
+  hasher.String("glint archive").Add(bake_key).String(name);
+  hasher.Add(options.max_layers).Add(options.layer_tolerance).Add(options.table_form);
+  hasher.Add(uint64_t{scene.cameras.size()});
+  for (const Camera& camera : scene.cameras) {
+    hasher.String(camera.name).Add(camera.vertical_fov);
+    for (const glm::vec3& v : {camera.eye, camera.forward, camera.up}) hasher.Add(v.x).Add(v.y).Add(v.z);
+  }
+  hasher.Add(uint64_t{scene.notes.size()});
+  for (const std::string& note : scene.notes) hasher.String(note);
   return hasher.Finish();
 }
 
@@ -147,13 +163,12 @@ LayerReport DescribeLayer(const Layer& layer) {
 }
 
 Status Publish(const fs::path& out_path, const Scene& scene, const BakeDomain& domain,
-               const std::deque<Layer>& layers, const BakeOptions& options, const Digest& bake_key,
-               BakeReport* report) {
+               const std::deque<Layer>& layers, const BakeOptions& options, BakeReport* report) {
   ArchiveContent content;
   content.domain = &domain;
   content.cameras = scene.cameras;
   content.grid_level = options.settings.grid_level;
-  content.bake_key = bake_key;
+  content.archive_key = report->archive_key;
   for (const Layer& layer : layers) {
     content.layers.push_back(layer.views);
     content.layer_bytes.emplace_back(layer.slots.begin(), layer.slots.end());
@@ -163,21 +178,22 @@ Status Publish(const fs::path& out_path, const Scene& scene, const BakeDomain& d
   return WriteArchive(out_path, content);
 }
 
-/// The work folder can be large; what is left of it after the archive is written serves nobody.
-void RemoveWork(const fs::path& work) {
-  std::error_code error;
-  fs::remove_all(work, error);
-  if (error)
-    Log(LogLevel::kWarning, "cannot remove the work folder " + work.string() + ": " + error.message());
-}
-
 /// @param begin, loaded  when the bake began, and when the scene was there
 Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const fs::path& out_path,
                               const BakeOptions& options, const BakeProgressCallback& callback, double begin,
                               double loaded) {
+  if (options.max_layers < 0 || options.max_layers > kMaxIndirectLayers) {
+    return UsageError("indirect layers: " + std::to_string(options.max_layers) + " is not 0 to " +
+                      std::to_string(kMaxIndirectLayers));
+  }
   const int threads = ResolveThreadCount(options.threads);
+  const Digest bake_key = BakeKey(scene, options);
+  const fs::path work_dir =
+      options.work_dir.empty() ? fs::path(out_path.string() + ".work") : options.work_dir;
+  GLINT_ASSIGN_OR_RETURN(WorkFolder work, WorkFolder::Open(work_dir, bake_key));
   BakeReport report;
   report.scene = name;
+  report.archive_key = ArchiveKey(bake_key, scene, name, options);
   report.notes = scene.notes;
   report.execution = ExecutionId();
   if (loaded > begin) report.stage_seconds.emplace_back("load", loaded - begin);
@@ -191,11 +207,9 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
   report.triangles = domain.triangles.size();
   report.directions = grid.size();
 
-  const fs::path work = options.work_dir.empty() ? fs::path(out_path.string() + ".work") : options.work_dir;
-  GLINT_ASSIGN_OR_RETURN(ChunkStore store, ChunkStore::Open(work));
   const uint64_t memory = options.memory_bytes ? options.memory_bytes : MachineMemory() / 4;
-  const auto executor = MakeLocalExecutor(domain, rays, grid, options.settings, store, threads, memory);
-  const Digest bake_key = BakeKey(scene, options);
+  const auto executor =
+      MakeLocalExecutor(domain, rays, grid, options.settings, work.store(), threads, memory);
 
   std::deque<Layer> layers;
   for (int index = 0; index <= options.max_layers; ++index) {
@@ -203,24 +217,28 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
     const std::vector<TaskSpec> tasks =
         Partition(options, domain.vertex_count(), grid.size(), index, bake_key, previous);
     GLINT_ASSIGN_OR_RETURN(
-        Layer layer, BakeLayer(tasks, layers.empty() ? nullptr : &layers.back().views, store, domain, grid,
-                               options, threads, executor.get(), &progress));
+        Layer layer, BakeLayer(tasks, layers.empty() ? nullptr : &layers.back().views, work.store(), domain,
+                               grid, options, threads, executor.get(), &progress));
     report.layers.push_back(DescribeLayer(layer));
     report.rays += layer.counters.rays;
     const bool faint = index > 0 && layer.energy < options.layer_tolerance;
+    report.complete = faint || (index > 0 && layer.stored == 0);  // what reflects nothing sends on nothing
     layers.push_back(std::move(layer));
     if (faint) break;
   }
 
   progress.Stage("write");
-  GLINT_RETURN_IF_ERROR(Publish(out_path, scene, domain, layers, options, bake_key, &report));
+  GLINT_RETURN_IF_ERROR(Publish(out_path, scene, domain, layers, options, &report));
   progress.EndStage();
   std::error_code error;
   report.archive_bytes = fs::file_size(out_path, error);
   report.seconds = Now() - begin;
   report.json = FullReportJson(report);
   GLINT_RETURN_IF_ERROR(PublishFile(out_path.string() + ".json", std::as_bytes(std::span(report.json))));
-  if (!options.keep_work) RemoveWork(work);
+  if (!options.keep_work) {
+    // It can be large, and serves nobody any more; but the bake has not failed if it stays.
+    if (const Status removed = work.Remove(); !removed.ok()) Log(LogLevel::kWarning, removed.message());
+  }
   return report;
 }
 

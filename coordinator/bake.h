@@ -7,25 +7,30 @@
 #include <vector>
 
 #include "common/archive/slice_table.h"
+#include "common/base/hash.h"
 #include "common/base/status.h"
 #include "common/domain/bake_settings.h"
 #include "common/scene/load.h"
 
 namespace glint {
 
-/// How to bake. `settings` decides the result; the rest only how it is reached.
+/// Layers of an archive, less the direct one.
+inline constexpr int kMaxIndirectLayers = 255;
+
+/// How to bake. `settings`, the layers and the form decide the result; the rest only how it is reached.
 struct BakeOptions {
   BakeSettings settings;
-  int max_layers = 16;            ///< at most this many indirect layers ...
+  int max_layers = 16;            ///< at most this many indirect layers, 0 to kMaxIndirectLayers, ...
   float layer_tolerance = 0.01f;  ///< ... and no more once a layer's relative light is below this
   TableForm table_form = kDefaultTableForm;
   SceneLimits scene_limits;
   int threads = 0;                   ///< 0: all cores
   uint32_t vertices_per_task = 0;    ///< 0: chosen so that tasks are neither tiny nor few
   uint32_t directions_per_task = 0;  ///< 0: all
-  uint64_t memory_bytes = 0;       ///< for hit sets kept between layers; 0: a quarter of the machine's memory
-  std::filesystem::path work_dir;  ///< empty: OUT.work beside the output
-  bool keep_work = false;          ///< keep the work folder after the archive is written
+  uint64_t memory_bytes = 0;  ///< for hit sets kept between layers; 0: a quarter of the machine's memory
+  std::filesystem::path
+      work_dir;            ///< for a sub-folder with finished tasks; empty: OUT.work beside the output
+  bool keep_work = false;  ///< keep that sub-folder after the archive is written
 };
 
 /// State of a running bake.
@@ -46,19 +51,21 @@ struct LayerReport {
 /// What a bake did. The deterministic part goes into the archive, all of it into the JSON beside it.
 struct BakeReport {
   std::string scene;
+  Digest archive_key;
   uint64_t vertices = 0, triangles = 0, directions = 0, rays = 0;
   std::vector<LayerReport> layers;
-  std::vector<std::pair<std::string, double>> stage_seconds;
-  double seconds = 0;
+  bool complete = false;  ///< no further layer carries the tolerance's part of the light
+  std::vector<std::pair<std::string, double>> stage_seconds;  ///< of this run; a stage may come twice
+  double seconds = 0;                                         ///< of this run
   uint64_t archive_bytes = 0, tasks = 0, tasks_reused = 0;
   std::vector<std::string> notes;
-  std::string execution;  ///< program, ray tracer and instruction set
+  std::string execution;  ///< ExecutionId()
   std::string deterministic_json, json;
 };
 
 /// Bakes a scene file into an archive: load, fit, direct and indirect layers, merge, write. Stopped by a
 /// signal (kInterrupted) or killed at any moment, the same call goes on where it was. Errors: those of
-/// LoadScene; kIo for the output or the work folder; kInterrupted.
+/// LoadScene; kUsage for max_layers; kIo for the output or the work folder; kInterrupted.
 Result<BakeReport> Bake(const std::filesystem::path& scene_path, const std::filesystem::path& out_path,
                         const BakeOptions& options, const BakeProgressCallback& progress = {});
 

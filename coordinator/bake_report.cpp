@@ -50,6 +50,9 @@ Json DescribeSettings(const BakeOptions& options) {
   return json;
 }
 
+/// Names of files and nodes may be in any encoding; no such name may make a finished bake fail.
+std::string ToText(const Json& json) { return json.dump(1, '\t', false, Json::error_handler_t::replace); }
+
 }  // namespace
 
 std::string DeterministicReportJson(const BakeReport& report, const BakeDomain& domain,
@@ -65,18 +68,22 @@ std::string DeterministicReportJson(const BakeReport& report, const BakeDomain& 
                               {"absent", layer.slices - layer.stored},
                               {"density", layer.density},
                               {"relative_light", layer.energy}});
+  json["complete"] = report.complete;
   json["notes"] = report.notes;
-  return json.dump(1, '\t');
+  return ToText(json);
 }
 
 std::string FullReportJson(const BakeReport& report) {
   Json json = Json::parse(report.deterministic_json);
+  json["archive_key"] = report.archive_key.Hex();
   json["seconds"] = report.seconds;
-  for (const auto& [stage, seconds] : report.stage_seconds) json["seconds_by_stage"][stage] = seconds;
+  Json& stages = json["seconds_by_stage"] = Json::object();
+  for (const auto& [stage, seconds] : report.stage_seconds)
+    stages[stage] = stages.value(stage, 0.0) + seconds;  // a layer that was mended ran twice
   json["tasks"] = report.tasks;
   json["tasks_reused"] = report.tasks_reused;
   json["archive_bytes"] = report.archive_bytes;
-  return json.dump(1, '\t') + "\n";
+  return ToText(json) + "\n";
 }
 
 }  // namespace glint

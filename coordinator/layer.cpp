@@ -22,7 +22,7 @@ Result<BlockResult> ReadChunk(ChunkStore& store, const TaskSpec& task, uint32_t 
     return ParseBlock(payload, task.block, slots, entry_bytes);
   };
   Result<BlockResult> block = parse();
-  if (block.ok()) return block;
+  if (block.ok() || block.status().kind() == ErrorKind::kIo) return block;
   GLINT_RETURN_IF_ERROR(store.Discard(task.key, *digest));
   return Mismatch(block.status().message());
 }
@@ -109,6 +109,22 @@ double MeasureEnergy(const BakeDomain& domain, const DirectionGrid& grid, const 
   return total.unoccluded > 0 ? total.layer / total.unoccluded : 0;
 }
 
+/// Hashes what a table holds, which is the same in every form.
+void HashRows(const SliceTableView& table, Hasher* hasher) {
+  hasher->Add(table.rows()).Add(table.columns()).Add(table.entry_bytes());
+  std::vector<uint32_t> columns;
+  std::vector<std::byte> entries;
+  for (uint32_t row = 0; row < table.rows(); ++row) {
+    columns.clear();
+    entries.clear();
+    table.Row(row).ForEach([&](uint32_t column, const std::byte* entry) {
+      columns.push_back(column);
+      entries.insert(entries.end(), entry, entry + table.entry_bytes());
+    });
+    hasher->Array(std::span<const uint32_t>(columns)).Bytes(entries);
+  }
+}
+
 }  // namespace
 
 Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, const BakeDomain& domain,
@@ -148,7 +164,7 @@ Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, con
   for (uint32_t slot = 0; slot < slots; ++slot) {
     GLINT_ASSIGN_OR_RETURN(SliceTableView view, SliceTableView::Parse(layer.slots[slot]));
     layer.stored += view.entries();
-    hasher.Bytes(layer.slots[slot]);
+    HashRows(view, &hasher);
     if (slot + 1 < slots) {
       layer.views.specular.push_back(view);
     } else {

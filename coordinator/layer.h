@@ -15,7 +15,7 @@ namespace glint {
 struct Layer {
   std::vector<std::vector<std::byte>> slots;  ///< serialised tables: specular slots, then diffuse
   LayerViews views;                           ///< into `slots`
-  Digest digest;                              ///< of the tables' bytes; what the next layer's tasks depend on
+  Digest digest;  ///< of the rows, in whatever form; what the next layer's tasks depend on
   GatherCounters counters;
   double energy = 0;  ///< light of this layer under a uniform environment, relative to the unoccluded BRDFs'
   uint64_t stored = 0;
@@ -29,7 +29,7 @@ struct Layer {
 
 /// Joins the chunks of a round in the order of vertices and columns; the same whatever the partition was.
 /// `tasks` are ordered by first vertex, then first column. Chunks that are damaged are discarded from the
-/// store, all of them, and reported as kMismatch: the round has to be run again.
+/// store, all of them, and reported as kMismatch: the round has to be run again. kIo: a chunk cannot be read.
 Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, const BakeDomain& domain,
                          const DirectionGrid& grid, TableForm form, int threads);
 

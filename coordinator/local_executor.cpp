@@ -1,6 +1,12 @@
 #include "coordinator/local_executor.h"
 
+#include <features.h>
+#ifdef __GLIBC__
+#include <gnu/libc-version.h>
+#endif
+
 #include <mutex>
+#include <string>
 
 #include "common/archive/chunk.h"
 #include "common/base/log.h"
@@ -62,7 +68,13 @@ std::unique_ptr<Executor> MakeLocalExecutor(const BakeDomain& domain, const RayS
 }
 
 std::string ExecutionId() {
-  return std::string("glint " GLINT_VERSION "; ") + RayScene::EngineId() + "; kernels " + GatherKernelLevel();
+  std::string id = "glint " GLINT_VERSION ", gathering " + std::to_string(kGatherRevision) + "; " +
+                   RayScene::EngineId() + "; kernels " + GatherKernelLevel() + "; " GLINT_COMPILER;
+#ifdef __GLIBC__
+  id += std::string(", glibc ") + gnu_get_libc_version();  // its exp, pow, ... have other last bits
+#endif
+  const std::string flags = GLINT_COMPILER_FLAGS;
+  return flags.empty() ? id : id + ", " + flags;
 }
 
 }  // namespace glint

@@ -16,7 +16,8 @@ std::unique_ptr<Executor> MakeLocalExecutor(const BakeDomain& domain, const RayS
                                             const DirectionGrid& grid, const BakeSettings& settings,
                                             const ChunkStore& store, int threads, uint64_t memory_bytes);
 
-/// What besides scene and settings decides a result's bits: program, ray tracer, instruction set.
+/// What besides scene and settings decides a result's bits: program and revision of its gathering, ray
+/// tracer, instruction set, compiler with its flags that hold for every build type, C library.
 std::string ExecutionId();
 
 }  // namespace glint

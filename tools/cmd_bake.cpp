@@ -60,6 +60,7 @@ std::string GridSizes() {
 
 Status RunBake(const BakeWords& words, const CommonWords& common) {
   GLINT_RETURN_IF_ERROR(CheckOutput(words.output, {".glint"}));
+  GLINT_RETURN_IF_ERROR(CheckOutput(words.output + ".json", {".json"}));
   BakeOptions options = words.options;
   options.settings.grid_level = DirectionGrid::LevelOf(words.directions);
   if (options.settings.grid_level < 0) {
@@ -69,9 +70,11 @@ Status RunBake(const BakeWords& words, const CommonWords& common) {
   options.memory_bytes = words.memory_mib << 20;
 
   ProgressPrinter printer;
-  GLINT_ASSIGN_OR_RETURN(const BakeReport report,
-                         Bake(words.scene, words.output, options,
-                              [&printer](const BakeProgress& progress) { printer(progress); }));
+  Result<BakeReport> baked = Bake(words.scene, words.output, options,
+                                  [&printer](const BakeProgress& progress) { printer(progress); });
+  if (baked.status().kind() == ErrorKind::kInterrupted)
+    return Interrupted(baked.status().message() + "; run the same command again to go on");
+  GLINT_ASSIGN_OR_RETURN(const BakeReport report, std::move(baked));
   for (const std::string& note : report.notes) Log(LogLevel::kNote, words.scene + ": " + note);
   char summary[160];
   std::snprintf(summary, sizeof summary, "%zu layers of %llu vertices x %llu directions, %.1f MB, in %.1f s",
@@ -91,11 +94,11 @@ void AddAccuracyWords(CLI::App& app, BakeWords& words) {
   };
   add("--directions", words.directions, "View directions: one of " + GridSizes())->type_name("N");
   add("--layers", options.max_layers, "Layers 0 to K: at most K indirect reflections")
-      ->check(CLI::Range(0, 1024))
+      ->check(CLI::Range(0, kMaxIndirectLayers))
       ->type_name("K");
   add("--tolerance", options.layer_tolerance,
       "No further layer once one carries less than this part of the light")
-      ->check(CLI::Range(0.0f, 1.0f))
+      ->check(NumberRange(0, 1))
       ->type_name("X");
   AddChoice<GatherMethod>(
       app, "--gather", settings.method, {{"shared", GatherMethod::kShared}, {"paper", GatherMethod::kPaper}},
@@ -103,7 +106,7 @@ void AddAccuracyWords(CLI::App& app, BakeWords& words) {
       ->group("Accuracy and time");
   add("--rays-per-kappa", settings.rays_per_kappa,
       "shared: rays per vertex and unit of its sharpest lobe's kappa")
-      ->check(CLI::Range(0.01f, 1e4f))
+      ->check(NumberRange(0.01, 1e4))
       ->type_name("X");
   add("--max-rays", settings.max_rays, "shared: at most this many rays per vertex")
       ->check(CLI::Range(settings.min_rays, 1 << 20))
@@ -116,10 +119,10 @@ void AddAccuracyWords(CLI::App& app, BakeWords& words) {
       ->type_name("N");
   add("--fit-tolerance", settings.fit.tolerance,
       "No further lobe once the fit's relative error is below this")
-      ->check(CLI::Range(0.0f, 1.0f))
+      ->check(NumberRange(0, 1))
       ->type_name("X");
   add("--drop", settings.drop, "Leave out slices that change the light by less than this")
-      ->check(CLI::Range(0.0f, 1.0f))
+      ->check(NumberRange(0, 1))
       ->type_name("X");
   add("--seed", settings.seed, "Seed of the random numbers")->type_name("N");
 }
@@ -127,11 +130,12 @@ void AddAccuracyWords(CLI::App& app, BakeWords& words) {
 void AddMachineWords(CLI::App& app, BakeWords& words) {
   BakeOptions& options = words.options;
   const std::string group = "Machine";
-  app.add_option("--work-dir", options.work_dir,
-                 "Folder for finished tasks (default: OUT.work beside the output)")
+  app.add_option(
+         "--work-dir", options.work_dir,
+         "Folder for finished tasks, in a sub-folder of the bake's own (default: OUT.work beside the output)")
       ->type_name("FOLDER")
       ->group(group);
-  app.add_flag("--keep-work", options.keep_work, "Keep that folder after the archive is written")
+  app.add_flag("--keep-work", options.keep_work, "Keep that sub-folder after the archive is written")
       ->group(group);
   app.add_option("--memory", words.memory_mib,
                  "MiB for hits kept between layers; 0: a quarter of the machine's")

@@ -26,14 +26,10 @@ void PrintText(const Comparison& c) {
 }
 
 nlohmann::ordered_json ToJson(const CompareWords& words, const Comparison& c) {
-  return {{"test", words.test},
-          {"reference", words.reference},
-          {"rel_mse", c.rel_mse},
-          {"mean_relative", c.mean_relative},
-          {"psnr_db", c.psnr_db},  // null for equal pictures, whose ratio is infinite
-          {"flip", c.flip},
-          {"mean_test", c.mean_test},
-          {"mean_reference", c.mean_reference},
+  return {{"test", words.test},       {"reference", words.reference},
+          {"rel_mse", c.rel_mse},     {"mean_relative", c.mean_relative},
+          {"psnr_db", c.psnr_db},     {"flip", c.flip},
+          {"mean_test", c.mean_test}, {"mean_reference", c.mean_reference},
           {"pixels", c.pixels}};
 }
 
@@ -96,8 +92,12 @@ Command AddCompareCommand(CLI::App& glint, CommonWords& common) {
   app.add_option("--diff", words->difference, "False-colour picture of the relative difference")
       ->type_name("DIFF.png");
   AddToneWords(app, words->tone);
-  app.add_option("--max-rel-mse", words->max_rel_mse, "Exit with 7 if relMSE is larger")->type_name("X");
-  app.add_option("--max-flip", words->max_flip, "Exit with 7 if FLIP is larger")->type_name("X");
+  app.add_option("--max-rel-mse", words->max_rel_mse, "Exit with 7 if relMSE is larger")
+      ->check(NumberRange(0, 1e300))
+      ->type_name("X");
+  app.add_option("--max-flip", words->max_flip, "Exit with 7 if FLIP is larger")
+      ->check(NumberRange(0, 1e300))
+      ->type_name("X");
   AddCommonWords(app, common);
   app.footer(
       "relMSE is the mean of (t - r)^2 / (r^2 + eps^2), eps = a tenth of the reference's mean.\n"

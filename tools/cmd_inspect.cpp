@@ -1,27 +1,37 @@
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 
 #include "common/archive/archive.h"
 #include "common/base/files.h"
+#include "common/base/log.h"
 #include "common/domain/direction_grid.h"
 #include "tools/commands.h"
+#include "tools/report.h"
 
 namespace glint {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json Parse(std::string_view text) {
-  Json parsed = Json::parse(text, nullptr, /*allow_exceptions=*/false);
-  return parsed.is_discarded() ? Json() : parsed;
-}
+constexpr uint64_t kMaxReportBytes = 16 << 20;
 
-/// The report with times that the bake leaves beside the archive; null if it is not there.
-Json ReadReport(const std::string& archive) {
-  const auto bytes = ReadFile(archive + ".json", 64 << 20);
-  if (!bytes.ok()) return {};
-  return Parse({reinterpret_cast<const char*>(bytes->data()), bytes->size()});
+/// The report with times that the bake leaves beside the archive; null if it is not there, or another's.
+Json ReadReport(const std::string& path, const Archive& archive) {
+  const std::string report_path = path + ".json";
+  std::error_code error;
+  if (!std::filesystem::exists(report_path, error)) return {};
+  const auto bytes = ReadFile(report_path, kMaxReportBytes);
+  if (!bytes.ok()) {
+    Log(LogLevel::kNote, bytes.status().message() + "; it is not shown");
+    return {};
+  }
+  Json report = ParseReport({reinterpret_cast<const char*>(bytes->data()), bytes->size()});
+  const auto key = report.find("archive_key");
+  if (key != report.end() && *key == archive.archive_key().Hex()) return report;
+  Log(LogLevel::kNote, report_path + ": is not the report of this archive, so it is not shown");
+  return {};
 }
 
 Json DescribeTable(const SliceTableView& table, const std::string& name) {
@@ -36,8 +46,27 @@ Json DescribeTable(const SliceTableView& table, const std::string& name) {
           {"index_bytes", table.index_bytes()}};
 }
 
-/// @param counts  what the bake's report says of each layer: slices there are, stored, absent
-Json DescribeLayers(const Archive& archive, const Json& counts) {
+/// What the bake's report says of a layer: slices there are, stored, absent, light. Empty unless it says all
+/// of it in numbers.
+Json LayerCounts(const Json& bake, size_t layer) {
+  const auto layers = bake.find("layers");
+  if (layers == bake.end() || !layers->is_array() || layer >= layers->size()) return Json::object();
+  const Json& said = (*layers)[layer];
+  Json counts = Json::object();
+  for (const char* key : {"slices", "stored", "absent"}) {
+    const auto count = said.find(key);
+    if (count == said.end() || !count->is_number_unsigned()) return Json::object();
+    counts[key] = *count;
+  }
+  for (const char* key : {"density", "relative_light"}) {
+    const auto value = said.find(key);
+    if (value == said.end() || !value->is_number()) return Json::object();
+    counts[key] = *value;
+  }
+  return counts;
+}
+
+Json DescribeLayers(const Archive& archive, const Json& bake) {
   Json layers = Json::array();
   for (size_t i = 0; i < archive.layers().size(); ++i) {
     const LayerViews& views = archive.layers()[i];
@@ -47,7 +76,7 @@ Json DescribeLayers(const Archive& archive, const Json& counts) {
     }
     tables.push_back(DescribeTable(views.diffuse, "diffuse"));
     Json layer = {{"layer", i}};
-    if (i < counts.size()) layer.update(counts[i]);
+    layer.update(LayerCounts(bake, i));
     layer["tables"] = tables;
     layers.push_back(layer);
   }
@@ -69,8 +98,7 @@ Json DescribeShapes(const BakeDomain& domain) {
 }
 
 Json DescribeArchive(const std::string& path, const Archive& archive) {
-  const Json bake = Parse(archive.report_json());
-  const Json counts = bake.is_object() ? bake.value("layers", Json::array()) : Json::array();
+  const Json bake = ParseReport(archive.report_json());
   Json sections = Json::array(), cameras = Json::array();
   for (const SectionInfo& s : archive.sections()) {
     sections.push_back({{"name", s.name},
@@ -81,16 +109,16 @@ Json DescribeArchive(const std::string& path, const Archive& archive) {
   for (const Camera& camera : archive.cameras()) cameras.push_back(camera.name);
   return {{"archive", path},
           {"file_bytes", archive.file_bytes()},
-          {"bake_key", archive.bake_key().Hex()},
+          {"archive_key", archive.archive_key().Hex()},
           {"vertices", archive.domain().vertex_count()},
           {"triangles", archive.domain().triangles.size()},
           {"directions", DirectionGrid(archive.grid_level()).size()},
           {"cameras", cameras},
-          {"layers", DescribeLayers(archive, counts)},
+          {"layers", DescribeLayers(archive, bake)},
           {"shapes", DescribeShapes(archive.domain())},
           {"sections", sections},
           {"bake", bake},
-          {"report", ReadReport(path)}};
+          {"report", ReadReport(path, archive)}};
 }
 
 /// Adds a line of printf's making to `out`.
@@ -102,6 +130,9 @@ void Line(std::string& out, const char* format, Args... args) {
   out += '\n';
 }
 
+/// In one line. A name in another encoding than UTF-8 must not make it fail.
+std::string Dump(const Json& value) { return value.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
 /// Nested objects as indented lines "key  value"; arrays stay on one line.
 void PrintTree(std::string& out, const Json& object, int indent) {
   for (const auto& [key, value] : object.items()) {
@@ -110,7 +141,7 @@ void PrintTree(std::string& out, const Json& object, int indent) {
       out += start + '\n';
       PrintTree(out, value, indent + 2);
     } else {
-      out += start + std::string(start.size() < 28 ? 28 - start.size() : 1, ' ') + value.dump() + '\n';
+      out += start + std::string(start.size() < 28 ? 28 - start.size() : 1, ' ') + Dump(value) + '\n';
     }
   }
 }
@@ -118,12 +149,12 @@ void PrintTree(std::string& out, const Json& object, int indent) {
 std::string ToText(const Json& d) {
   using Count = unsigned long long;
   std::string out;
-  Line(out, "%s: %llu bytes", d["archive"].get<std::string>().c_str(), d["file_bytes"].get<Count>());
-  Line(out, "bake key    %s", d["bake_key"].get<std::string>().c_str());
+  out += d["archive"].get<std::string>() + ": " + std::to_string(d["file_bytes"].get<Count>()) + " bytes\n";
+  Line(out, "key         %s", d["archive_key"].get<std::string>().c_str());
   Line(out, "vertices    %llu", d["vertices"].get<Count>());
   Line(out, "triangles   %llu", d["triangles"].get<Count>());
   Line(out, "directions  %llu", d["directions"].get<Count>());
-  out += "cameras     " + d["cameras"].dump() + '\n';
+  out += "cameras     " + Dump(d["cameras"]) + '\n';
   Line(out, "\n%-6s %12s %12s %12s %14s", "layer", "slices", "stored", "absent", "relative light");
   for (const Json& layer : d["layers"])
     if (layer.contains("slices"))
@@ -177,7 +208,7 @@ Command AddInspectCommand(CLI::App& glint, CommonWords& common) {
   app.add_option("archive", *path, "Archive that 'glint bake' wrote")->required()->type_name("ARCHIVE");
   AddCommonWords(app, common);
   app.footer(
-      "Times and rays come from the report ARCHIVE.json beside the archive, if it is there.\n"
+      "Times come from the report ARCHIVE.json beside the archive, if it is there and this archive's.\n"
       "\n"
       "Examples:\n"
       "  glint inspect teapot.glint\n"

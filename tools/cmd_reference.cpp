@@ -39,6 +39,7 @@ nlohmann::ordered_json Describe(const ReferenceWords& words, const View& view,
 
 Status RunReference(const ReferenceWords& words, const CommonWords& common) {
   GLINT_RETURN_IF_ERROR(CheckOutput(words.output, {".exr", ".png", ".hdr"}));
+  GLINT_RETURN_IF_ERROR(CheckOutput(words.output + ".json", {".json"}));
   ReferenceOptions options = words.options;
   options.threads = common.threads;
   if (words.only_bounce) options.first_bounce = options.bounces = *words.only_bounce;

@@ -1,12 +1,16 @@
+#include <algorithm>
 #include <memory>
 
 #include "common/archive/archive.h"
 #include "common/base/log.h"
 #include "common/render/archive_renderer.h"
 #include "tools/commands.h"
+#include "tools/report.h"
 
 namespace glint {
 namespace {
+
+const std::vector<std::string> kPictures{".exr", ".png", ".hdr"};
 
 struct RenderWords {
   std::string archive, output;
@@ -30,31 +34,44 @@ std::filesystem::path LayerPath(const std::filesystem::path& path, int layer) {
   return result.replace_extension("layer" + std::to_string(layer) + path.extension().string());
 }
 
-Result<std::vector<Job>> PlanJobs(const RenderWords& words, int layers) {
+/// Whether the bake ended because the layers that are not there would carry next to nothing.
+bool IsComplete(const Archive& archive) {
+  const nlohmann::ordered_json report = ParseReport(archive.report_json());
+  const auto complete = report.find("complete");
+  return complete != report.end() && complete->is_boolean() && complete->get<bool>();
+}
+
+Result<std::vector<Job>> PlanJobs(const RenderWords& words, const Archive& archive) {
+  const int layers = static_cast<int>(archive.layers().size());
   const int wanted = words.only_layer ? *words.only_layer : words.last_layer.value_or(0);
   if (wanted >= layers) {
-    return UsageError(words.archive + ": layer " + std::to_string(wanted) +
-                      " is not there; it has layers 0 to " + std::to_string(layers - 1));
+    const std::string there = words.archive + ": layer " + std::to_string(wanted) +
+                              " is not there; it has layers 0 to " + std::to_string(layers - 1);
+    if (!IsComplete(archive)) {
+      return UsageError(there + "; ask for one of these, or bake again with more --layers");
+    }
+    Log(LogLevel::kNote,
+        there + ", and those above carry less light than the bake's tolerance: taken as none");
   }
-  Job sum{words.output, words.only_layer.value_or(0),
-          words.only_layer.value_or(words.last_layer.value_or(layers - 1))};
+  const int last = std::min(words.last_layer.value_or(layers - 1), layers - 1);
+  const Job sum{words.output, words.only_layer.value_or(0), words.only_layer.value_or(last)};
   std::vector<Job> jobs{sum};
   if (words.per_layer) {
     for (int layer = sum.first_layer; layer <= sum.last_layer; ++layer) {
       jobs.push_back({LayerPath(words.output, layer), layer, layer});
     }
   }
+  for (const Job& job : jobs) GLINT_RETURN_IF_ERROR(CheckOutput(job.path, kPictures));
   return jobs;
 }
 
 Status RunRender(const RenderWords& words, const CommonWords& common) {
-  GLINT_RETURN_IF_ERROR(CheckOutput(words.output, {".exr", ".png", ".hdr"}));
+  GLINT_RETURN_IF_ERROR(CheckOutput(words.output, kPictures));
   const Stopwatch open_watch;
   GLINT_ASSIGN_OR_RETURN(const Archive archive, Archive::Open(words.archive));
   GLINT_ASSIGN_OR_RETURN(const View view,
                          MakeView(words.view, archive.cameras(), archive.domain().positions));
-  GLINT_ASSIGN_OR_RETURN(const std::vector<Job> jobs,
-                         PlanJobs(words, static_cast<int>(archive.layers().size())));
+  GLINT_ASSIGN_OR_RETURN(const std::vector<Job> jobs, PlanJobs(words, archive));
   const double open_seconds = open_watch.Seconds();
 
   const Stopwatch environment_watch;
@@ -115,7 +132,7 @@ Command AddRenderCommand(CLI::App& glint, CommonWords& common) {
       ->excludes(layers);
   app.add_flag("--per-layer", words->per_layer, "Also one picture per layer: picture.layer0.exr, ...");
   app.add_option("--samples", words->samples, "Camera rays per pixel")
-      ->check(CLI::Range(1, 65536))
+      ->check(CLI::Range(1, 4096))
       ->type_name("N")
       ->capture_default_str();
   app.add_flag("--float", words->full_float, "Write EXR with 32 bits a channel (default: 16)");

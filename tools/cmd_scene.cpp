@@ -22,14 +22,15 @@ struct EnvironmentWords {
   bool list = false;
 };
 
-void PrintList(const std::vector<GeneratedScene>& entries, bool json) {
+/// @param kind  what they are: the key of the list in JSON
+void PrintList(const char* kind, const std::vector<GeneratedScene>& entries, bool json) {
   nlohmann::ordered_json array = nlohmann::ordered_json::array();
   for (const auto& [name, description] : entries) {
     array.push_back({{"name", name}, {"description", description}});
     if (!json)
       std::cout << name << std::string(name.size() < 10 ? 10 - name.size() : 1, ' ') << description << '\n';
   }
-  if (json) PrintJson(array);
+  if (json) PrintJson(nlohmann::ordered_json::object({{kind, array}}));
 }
 
 Status RequireNameAndOutput(const std::string& name, const std::string& output, const std::string& command) {
@@ -40,7 +41,7 @@ Status RequireNameAndOutput(const std::string& name, const std::string& output, 
 
 Status RunScene(const SceneWords& words, const CommonWords& common) {
   if (words.list) {
-    PrintList(GeneratedScenes(), common.json);
+    PrintList("scenes", GeneratedScenes(), common.json);
     return {};
   }
   GLINT_RETURN_IF_ERROR(RequireNameAndOutput(words.name, words.output, "scene"));
@@ -73,7 +74,7 @@ Picture ToPicture(const Environment& environment) {
 
 Status RunEnvironment(const EnvironmentWords& words, const CommonWords& common) {
   if (words.list) {
-    PrintList(ProceduralEnvironments(), common.json);
+    PrintList("environments", ProceduralEnvironments(), common.json);
     return {};
   }
   GLINT_RETURN_IF_ERROR(RequireNameAndOutput(words.name, words.output, "environment"));
@@ -101,6 +102,7 @@ Command AddSceneCommand(CLI::App& glint, CommonWords& common) {
   app.add_option(
          "--exponent", words->options.exponent,
          "Make all specular materials Phong with this exponent, as in the papers' tables (0: leave them)")
+      ->check(NumberRange(0, 1e6))
       ->type_name("E");
   app.add_flag("--list", words->list, "List the scenes");
   AddCommonWords(app, common);

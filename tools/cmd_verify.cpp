@@ -8,7 +8,7 @@ namespace glint {
 namespace {
 
 Status RunVerify(const std::string& path, const CommonWords& common) {
-  const Status status = VerifyArchive(path);
+  const Status status = VerifyArchive(path, common.threads);
   if (common.json) {
     PrintJson({{"archive", path}, {"ok", status.ok()}, {"problem", status.message()}});
   } else if (status.ok()) {

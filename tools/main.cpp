@@ -43,6 +43,15 @@ int Fail(const Status& status) {
   return static_cast<int>(status.kind());
 }
 
+/// What is wrong with the words. Where no command is recognised, CLI11 only says that one is missing.
+std::string Explain(const CLI::ParseError& error, const CLI::App& app, int argc, char** argv) {
+  const auto chosen = app.get_subcommands();
+  if (!chosen.empty())
+    return std::string(error.what()) + "; see 'glint " + chosen[0]->get_name() + " --help'";
+  if (argc < 2) return "no command given; see 'glint --help'";
+  return "'" + std::string(argv[1]) + "' is no command; see 'glint --help'";
+}
+
 Status RunChosen(const CLI::App& app, const CommonWords& common, const std::vector<Command>& commands) {
   if (common.quiet) SetLogLevel(LogLevel::kError);
   InstallStopHandler();
@@ -69,9 +78,7 @@ int Main(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) return app.exit(error);
-    const auto chosen = app.get_subcommands();
-    const std::string name = chosen.empty() ? "" : chosen[0]->get_name() + " ";
-    return Fail(UsageError(std::string(error.what()) + "; see 'glint " + name + "--help'"));
+    return Fail(UsageError(Explain(error, app, argc, argv)));
   }
   const Status status = RunChosen(app, common, commands);
   return status.ok() ? 0 : Fail(status);

@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <glm/trigonometric.hpp>
 #include <iostream>
+#include <sstream>
 
+#include "common/base/files.h"
 #include "common/base/log.h"
 
 namespace glint {
@@ -15,8 +18,10 @@ namespace {
 
 constexpr float kDefaultFovDeg = 40;
 constexpr int kMaxSide = 32768;
+constexpr float kFarthest = 1e15f;  ///< larger co-ordinates overflow when rays are intersected
 
-/// Finite numbers separated by commas, as many as `values` holds; false for anything else.
+/// Numbers from -kFarthest to kFarthest separated by commas, as many as `values` holds; false for anything
+/// else.
 bool ParseNumbers(const std::string& text, std::span<float> values) {
   const char* at = text.data();
   const char* const end = text.data() + text.size();
@@ -24,7 +29,7 @@ bool ParseNumbers(const std::string& text, std::span<float> values) {
     if (i > 0 && (at == end || *at++ != ',')) return false;
     if (at != end && *at == '+') ++at;
     const auto [next, error] = std::from_chars(at, end, values[i]);
-    if (error != std::errc() || !std::isfinite(values[i])) return false;
+    if (error != std::errc() || !(std::abs(values[i]) <= kFarthest)) return false;
     at = next;
   }
   return at == end;
@@ -33,7 +38,7 @@ bool ParseNumbers(const std::string& text, std::span<float> values) {
 glm::vec3 ParseVector(const std::string& word, const std::string& text) {
   std::array<float, 3> v{};
   if (!ParseNumbers(text, v)) {
-    throw CLI::ValidationError(word, "'" + text + "' is not three numbers X,Y,Z");
+    throw CLI::ValidationError(word, "'" + text + "' is not three numbers X,Y,Z from -1e15 to 1e15");
   }
   return {v[0], v[1], v[2]};
 }
@@ -121,7 +126,7 @@ void AddViewWords(CLI::App& app, ViewWords& words) {
   app.get_option("--up")->needs(app.get_option("--eye"));
   app.add_option("--fov", words.fov_deg,
                  "Vertical field of view, degrees (default: the camera's; 40 with --eye)")
-      ->check(CLI::Range(0.1f, 179.0f))
+      ->check(NumberRange(0.1, 179))
       ->type_name("DEG")
       ->group("View");
   app.add_option_function<std::string>(
@@ -136,7 +141,7 @@ void AddViewWords(CLI::App& app, ViewWords& words) {
       ->capture_default_str()
       ->group("View");
   app.add_option("--env-rotate", words.environment_rotation_deg, "Turn the environment about +Y, degrees")
-      ->check(CLI::Range(-1e6f, 1e6f))
+      ->check(NumberRange(-1e6, 1e6))
       ->type_name("DEG")
       ->group("View");
   AddChoice<Background>(app, "--background", words.background,
@@ -148,7 +153,7 @@ void AddViewWords(CLI::App& app, ViewWords& words) {
 void AddToneWords(CLI::App& app, ToneMap& tone) {
   app.add_option("--exposure", tone.exposure,
                  "Factor on radiance before tone mapping (PNG only; EXR stays linear)")
-      ->check(CLI::Range(1e-6f, 1e6f))
+      ->check(NumberRange(1e-6, 1e6))
       ->type_name("X")
       ->group("Tone mapping");
   AddChoice<bool>(app, "--tone", tone.reinhard, {{"reinhard", true}, {"clamp", false}},
@@ -207,20 +212,28 @@ Result<Environment> OpenEnvironment(const ViewWords& words) {
   return environment;
 }
 
+CLI::Validator NumberRange(double low, double high) {
+  std::ostringstream range;
+  range << '[' << low << " - " << high << ']';
+  const auto check = [low, high, range = range.str()](const std::string& text) {
+    double value = 0;
+    // Written so that what is not a number fails.
+    const bool good = CLI::detail::lexical_cast(text, value) && value >= low && value <= high;
+    return good ? std::string() : "'" + text + "' is not a number in " + range;
+  };
+  return {check, "FLOAT in " + range.str(), ""};
+}
+
 Status CheckOutput(const std::filesystem::path& path, const std::vector<std::string>& extensions) {
-  const std::string extension = path.extension().string();
+  std::string extension = path.extension().string();
+  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   if (std::find(extensions.begin(), extensions.end(), extension) == extensions.end()) {
     std::string known;
     for (const std::string& e : extensions) known += (known.empty() ? "" : ", ") + e;
     return UsageError(path.string() + ": unknown kind of output '" + extension +
                       "'; the name must end in one of " + known);
   }
-  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
-  std::error_code error;
-  if (!std::filesystem::is_directory(folder, error)) {
-    return UsageError(path.string() + ": there is no folder '" + folder.string() + "'; make it first");
-  }
-  return {};
+  return CheckPublishable(path);
 }
 
 void PrintJson(const nlohmann::ordered_json& object) {

@@ -70,8 +70,11 @@ Camera FramingCamera(std::span<const glm::vec3> positions, float aspect);
 /// Opens the environment of the words; notes what was repaired in it.
 Result<Environment> OpenEnvironment(const ViewWords& words);
 
-/// Fails before hours of work do: `path` must end in one of `extensions` (".exr") and its folder must exist.
-/// kUsage.
+/// A check of a word: one finite number from `low` to `high`.
+CLI::Validator NumberRange(double low, double high);
+
+/// Fails before hours of work do: `path` must end in one of `extensions` (".exr", in any case; kUsage), and a
+/// file can be put there (kUsage, kIo: CheckPublishable).
 Status CheckOutput(const std::filesystem::path& path, const std::vector<std::string>& extensions);
 
 /// Writes one JSON object to standard output.

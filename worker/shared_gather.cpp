@@ -34,7 +34,7 @@ struct Scratch {
 /// One side of a vertex, ready to be summed over.
 struct Side {
   std::unique_ptr<HitSet> keep;  ///< the hit set where the cache has no room for it
-  Frame frame;  ///< lattice to world; n is the side's shading normal
+  Frame frame;                   ///< lattice to world; n is the side's shading normal
   HemisphereSamples* samples;
   SampleArrays arrays;
   float* lobe_weights;  ///< HitSet::lobe_weights

@@ -111,7 +111,7 @@ Header MakeHeader(const ArchiveContent& content) {
   header.slots = LargestLobeCount(content.domain->shapes);
   header.vertices = content.domain->positions.size();
   header.triangles = content.domain->triangles.size();
-  header.bake_key = content.bake_key;
+  header.archive_key = content.archive_key;
   return header;
 }
 
@@ -303,7 +303,7 @@ int Archive::grid_level() const { return static_cast<int>(impl_->header.grid_lev
 const std::vector<LayerViews>& Archive::layers() const { return impl_->layers; }
 const std::vector<Camera>& Archive::cameras() const { return impl_->cameras; }
 const std::string& Archive::report_json() const { return impl_->report_json; }
-const Digest& Archive::bake_key() const { return impl_->header.bake_key; }
+const Digest& Archive::archive_key() const { return impl_->header.archive_key; }
 const std::vector<SectionInfo>& Archive::sections() const { return impl_->infos; }
 uint64_t Archive::file_bytes() const { return impl_->bytes.size(); }
 

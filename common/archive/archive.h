@@ -31,7 +31,7 @@ struct ArchiveContent {
   std::vector<std::vector<std::span<const std::byte>>>
       layer_bytes;          ///< [layer][slot]: specular slots, then diffuse
   std::string report_json;  ///< deterministic part of the bake's report
-  Digest bake_key;          ///< hash of everything that went into the bake
+  Digest archive_key;       ///< hash of everything that went into the archive
 };
 
 /// Writes the archive (format: docs/archive-format.md), published atomically, footer last.
@@ -59,7 +59,7 @@ class Archive {
   const std::vector<LayerViews>& layers() const;
   const std::vector<Camera>& cameras() const;
   const std::string& report_json() const;
-  const Digest& bake_key() const;
+  const Digest& archive_key() const;
   const std::vector<SectionInfo>& sections() const;
   uint64_t file_bytes() const;
 
@@ -70,8 +70,10 @@ class Archive {
 };
 
 /// Every checksum and every invariant: what Open checks, and that each stored entry decodes to a finite lobe
-/// within its ranges, that rows and columns are consistent, and that tables agree with the domain. kMismatch
-/// or kBadInput.
-Status VerifyArchive(const std::filesystem::path& path);
+/// within its ranges, that rows and columns are consistent, and that tables agree with the domain.
+/// @param threads  0: all cores
+/// Errors: kBadInput for a file that cannot be read, is no archive, or one of another version; kMismatch for
+/// an archive that is damaged.
+Status VerifyArchive(const std::filesystem::path& path, int threads = 0);
 
 }  // namespace glint

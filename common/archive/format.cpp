@@ -99,15 +99,15 @@ std::array<std::byte, kHeaderBytes> EncodeHeader(const Header& header) {
   std::array<std::byte, kHeaderBytes> out{};
   std::byte* at = out.data();
   std::memcpy(at, kMagic.data(), kMagic.size());
-  Put(at + 8, kVersion);
+  Put(at + kVersionOffset, kVersion);
   Put(at + 12, static_cast<uint32_t>(kHeaderBytes));
   Put(at + 16, header.grid_level);
   Put(at + 20, header.layers);
   Put(at + 24, header.slots);
   Put(at + 32, header.vertices);
   Put(at + 40, header.triangles);
-  std::memcpy(at + 48, header.bake_key.bytes.data(), header.bake_key.bytes.size());
-  Put(at + 120, Checksum64({at, 120}));
+  std::memcpy(at + 48, header.archive_key.bytes.data(), header.archive_key.bytes.size());
+  Put(at + kHeaderChecksumOffset, Checksum64({at, kHeaderChecksumOffset}));
   return out;
 }
 
@@ -117,12 +117,12 @@ Result<Header> DecodeHeader(std::span<const std::byte> file) {
   }
   if (file.size() < kHeaderBytes + kTailBytes) return BadInput(std::string("too short: ") + kTruncated);
   const std::byte* at = file.data();
-  const auto version = Get<uint32_t>(at + 8);
+  const auto version = Get<uint32_t>(at + kVersionOffset);
   if (version != kVersion) {
     return BadInput("header: format version " + std::to_string(version) + ", this program reads version " +
                     std::to_string(kVersion) + "; bake it again with this program");
   }
-  if (Get<uint64_t>(at + 120) != Checksum64({at, 120})) {
+  if (Get<uint64_t>(at + kHeaderChecksumOffset) != Checksum64({at, kHeaderChecksumOffset})) {
     return BadInput(std::string("header: checksum differs: ") + kTruncated);
   }
   Header header;
@@ -131,7 +131,7 @@ Result<Header> DecodeHeader(std::span<const std::byte> file) {
   header.slots = Get<uint32_t>(at + 24);
   header.vertices = Get<uint64_t>(at + 32);
   header.triangles = Get<uint64_t>(at + 40);
-  std::memcpy(header.bake_key.bytes.data(), at + 48, header.bake_key.bytes.size());
+  std::memcpy(header.archive_key.bytes.data(), at + 48, header.archive_key.bytes.size());
   if (Get<uint32_t>(at + 12) != kHeaderBytes || !AllZero({at + 28, 4}) || !AllZero({at + 80, 40})) {
     return BadInput("header: reserved bytes are set; a newer Glint may read it");
   }

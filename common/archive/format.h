@@ -20,8 +20,10 @@ inline constexpr std::array<char, 8> kEndMagic = {'G', 'L', 'I', 'N', 'T', 'E', 
 inline constexpr uint32_t kVersion = 1;
 
 inline constexpr uint64_t kHeaderBytes = 128;
-inline constexpr uint64_t kRecordBytes = 64;  ///< one section's record in the footer
-inline constexpr uint64_t kTailBytes = 64;    ///< the file's last bytes
+inline constexpr uint64_t kVersionOffset = 8;           ///< in the header
+inline constexpr uint64_t kHeaderChecksumOffset = 120;  ///< in the header: checksum of the bytes before it
+inline constexpr uint64_t kRecordBytes = 64;            ///< one section's record in the footer
+inline constexpr uint64_t kTailBytes = 64;              ///< the file's last bytes
 inline constexpr uint64_t kAlignment = 64;
 
 inline constexpr uint32_t kMaxSections = 4096;
@@ -47,7 +49,7 @@ struct Header {
   uint32_t layers = 0;
   uint32_t slots = 0;  ///< specular tables of each layer; one diffuse table follows them
   uint64_t vertices = 0, triangles = 0;
-  Digest bake_key;
+  Digest archive_key;
 };
 
 /// One section's record in the footer.

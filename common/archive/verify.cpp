@@ -2,10 +2,13 @@
 // for.
 #include <atomic>
 #include <cmath>
+#include <cstring>
 #include <glm/geometric.hpp>
 
 #include "common/archive/archive.h"
+#include "common/archive/format.h"
 #include "common/archive/lobe_codec.h"
+#include "common/base/files.h"
 #include "common/base/parallel.h"
 
 namespace glint {
@@ -38,9 +41,9 @@ Status CheckVertices(const BakeDomain& domain) {
 
 /// Every stored entry decodes to a lobe within its ranges and is what the encoder writes for it; every entry
 /// of the table is reached by exactly one row and column.
-Status CheckEntries(const SliceTableView& table, bool direct) {
+Status CheckEntries(const SliceTableView& table, bool direct, int threads) {
   std::atomic<uint64_t> found{0}, first_bad{~uint64_t{0}};
-  ParallelFor(table.rows(), 0, 256, [&](size_t row, int) {
+  ParallelFor(table.rows(), threads, 256, [&](size_t row, int) {
     uint64_t in_row = 0;
     table.Row(static_cast<uint32_t>(row)).ForEach([&](uint32_t column, const std::byte* entry) {
       ++in_row;
@@ -74,22 +77,42 @@ Status CheckSides(const SliceTableView& diffuse, const BakeDomain& domain) {
   return {};
 }
 
-Status CheckLayer(const LayerViews& layer, const BakeDomain& domain, bool direct) {
+Status CheckLayer(const LayerViews& layer, const BakeDomain& domain, bool direct, int threads) {
   for (size_t k = 0; k < layer.specular.size(); ++k) {
     GLINT_RETURN_IF_ERROR(
-        CheckEntries(layer.specular[k], direct).WithContext("specular " + std::to_string(k)));
+        CheckEntries(layer.specular[k], direct, threads).WithContext("specular " + std::to_string(k)));
   }
-  GLINT_RETURN_IF_ERROR(CheckEntries(layer.diffuse, direct).WithContext("diffuse"));
+  GLINT_RETURN_IF_ERROR(CheckEntries(layer.diffuse, direct, threads).WithContext("diffuse"));
   return CheckSides(layer.diffuse, domain).WithContext("diffuse");
+}
+
+/// Whether a file that cannot be opened as an archive once was one. Another version's is none of ours, unless
+/// it was the version's bytes that changed.
+bool WasArchive(const std::filesystem::path& path) {
+  using namespace archive_format;
+  const auto file = MappedFile::Open(path);
+  if (!file.ok() || file->bytes().size() < kMagic.size()) return false;
+  const std::byte* at = file->bytes().data();
+  if (std::memcmp(at, kMagic.data(), kMagic.size()) != 0) return false;
+  if (file->bytes().size() < kHeaderBytes) return true;
+  uint32_t version = 0;
+  uint64_t checksum = 0;
+  std::memcpy(&version, at + kVersionOffset, sizeof version);
+  std::memcpy(&checksum, at + kHeaderChecksumOffset, sizeof checksum);
+  return version == kVersion || checksum != Checksum64({at, kHeaderChecksumOffset});
 }
 
 }  // namespace
 
-Status VerifyArchive(const std::filesystem::path& path) {
-  GLINT_ASSIGN_OR_RETURN(const Archive archive, Archive::Open(path));
+Status VerifyArchive(const std::filesystem::path& path, int threads) {
+  const Result<Archive> opened = Archive::Open(path);
+  if (opened.status().kind() == ErrorKind::kBadInput && WasArchive(path))
+    return Mismatch(opened.status().message());
+  GLINT_RETURN_IF_ERROR(opened.status());
+  const Archive& archive = *opened;
   GLINT_RETURN_IF_ERROR(CheckVertices(archive.domain()).WithContext(path.string()));
   for (size_t i = 0; i < archive.layers().size(); ++i) {
-    GLINT_RETURN_IF_ERROR(CheckLayer(archive.layers()[i], archive.domain(), i == 0)
+    GLINT_RETURN_IF_ERROR(CheckLayer(archive.layers()[i], archive.domain(), i == 0, threads)
                               .WithContext(path.string() + ": layer " + std::to_string(i)));
   }
   return {};

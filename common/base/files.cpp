@@ -1,6 +1,7 @@
 #include "common/base/files.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -8,6 +9,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -47,6 +49,68 @@ fs::path NextTemporary(const fs::path& path) {
                            std::to_string(counter++) + ".tmp");
 }
 
+/// Whether `name` is what NextTemporary gives for a file called `file`.
+bool IsTemporaryOf(std::string_view name, std::string_view file) {
+  const auto take = [&name](std::string_view part) {
+    if (!name.starts_with(part)) return false;
+    name.remove_prefix(part.size());
+    return true;
+  };
+  const auto take_number = [&name] {
+    const size_t digits = std::min(name.find_first_not_of("0123456789"), name.size());
+    name.remove_prefix(digits);
+    return digits > 0;
+  };
+  return take(".") && take(file) && take(".") && take_number() && take(".") && take_number() &&
+         name == ".tmp";
+}
+
+/// Whether the open file is still what its name stands for.
+bool IsAt(int fd, const fs::path& path) {
+  struct stat open_file = {}, named = {};
+  return fstat(fd, &open_file) == 0 && lstat(path.c_str(), &named) == 0 && open_file.st_dev == named.st_dev &&
+         open_file.st_ino == named.st_ino;
+}
+
+/// Removes what killed processes left of earlier attempts at `path`. A temporary is locked while its process
+/// lives; unlike the process number in its name, that also holds for processes in other containers and on
+/// other machines. Whatever fails stays: it stands in nobody's way.
+void RemoveOrphans(const fs::path& path) {
+  std::error_code error;
+  const std::string file = path.filename().string();
+  for (fs::directory_iterator i(FolderOf(path), error), end; !error && i != end; i.increment(error)) {
+    if (!IsTemporaryOf(i->path().filename().string(), file)) continue;
+    const Descriptor orphan{OpenRetrying(i->path(), O_RDWR | O_NONBLOCK | O_NOFOLLOW)};
+    if (orphan.fd >= 0 && flock(orphan.fd, LOCK_EX | LOCK_NB) == 0 && IsAt(orphan.fd, i->path())) {
+      unlink(i->path().c_str());
+    }
+  }
+}
+
+/// A new, locked, empty file beside `path`. Remove it before closing `fd`.
+struct Temporary {
+  fs::path path;
+  int fd = -1;
+};
+Result<Temporary> OpenTemporary(const fs::path& path) {
+  int error = EEXIST;
+  for (int attempt = 0; attempt < 1000; ++attempt) {
+    const fs::path temp = NextTemporary(path);
+    const int fd = OpenRetrying(temp, O_RDWR | O_CREAT | O_EXCL, 0666);
+    if (fd < 0) {
+      error = errno;
+      if (error == EEXIST) continue;
+      break;
+    }
+    // Between these two calls it looked like an orphan. A file system without locks has no orphans removed.
+    const bool taken = flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+    if (!taken && IsAt(fd, temp)) return Temporary{temp, fd};
+    unlink(temp.c_str());
+    close(fd);
+  }
+  return IoError(path.string() + ": cannot create a file in this folder: " + ErrnoText(error));
+}
+
 Status SyncFolder(const fs::path& folder) {
   const Descriptor folder_fd{OpenRetrying(folder, O_RDONLY | O_DIRECTORY)};
   if (folder_fd.fd < 0) return IoError(folder.string() + ": cannot open the folder: " + ErrnoText(errno));
@@ -77,19 +141,31 @@ Status PublishFile(const fs::path& path, std::span<const std::byte> bytes) {
 
 Result<FilePublisher> FilePublisher::Create(const fs::path& path) {
   if (!path.has_filename()) return IoError("'" + path.string() + "': not the name of a file to write");
+  RemoveOrphans(path);  // first: they may fill the disk
+  GLINT_ASSIGN_OR_RETURN(const Temporary temporary, OpenTemporary(path));
   FilePublisher publisher;
   publisher.path_ = path;
-  for (int attempt = 0; attempt < 1000; ++attempt) {
-    const fs::path temp = NextTemporary(path);
-    publisher.fd_ = OpenRetrying(temp, O_WRONLY | O_CREAT | O_EXCL, 0666);
-    if (publisher.fd_ >= 0) {
-      publisher.temp_ = temp;
-      CrashPoint("before-write");
-      return publisher;
-    }
-    if (errno != EEXIST) break;
+  publisher.temp_ = temporary.path;
+  publisher.fd_ = temporary.fd;
+  CrashPoint("before-write");
+  return publisher;
+}
+
+Status CheckPublishable(const fs::path& path) {
+  if (!path.has_filename()) return UsageError("'" + path.string() + "': not the name of a file to write");
+  std::error_code error;
+  if (!fs::is_directory(FolderOf(path), error)) {
+    return UsageError(path.string() + ": there is no folder '" + FolderOf(path).string() +
+                      "'; make it first");
   }
-  return IoError(path.string() + ": cannot create a file in this folder: " + ErrnoText(errno));
+  const fs::file_type type = fs::status(path, error).type();
+  if (type != fs::file_type::regular && type != fs::file_type::not_found && type != fs::file_type::none) {
+    return UsageError(path.string() + ": is there and not a file; choose another name");
+  }
+  GLINT_ASSIGN_OR_RETURN(const Temporary temporary, OpenTemporary(path));
+  unlink(temporary.path.c_str());
+  close(temporary.fd);
+  return {};
 }
 
 FilePublisher::FilePublisher(FilePublisher&& other) noexcept
@@ -99,8 +175,8 @@ FilePublisher::FilePublisher(FilePublisher&& other) noexcept
       offset_(other.offset_) {}
 
 FilePublisher::~FilePublisher() {
-  if (fd_ >= 0) close(fd_);
   if (!temp_.empty()) unlink(temp_.c_str());
+  if (fd_ >= 0) close(fd_);
 }
 
 Status FilePublisher::Write(std::span<const std::byte> bytes) {
@@ -117,14 +193,17 @@ Status FilePublisher::Write(std::span<const std::byte> bytes) {
 Status FilePublisher::Commit() {
   CrashPoint("after-write");
   if (fsync(fd_) != 0) return IoError(path_.string() + ": cannot sync to disk: " + ErrnoText(errno));
-  // A network file system may report a failed write as late as here.
-  if (close(std::exchange(fd_, -1)) != 0)
+  // A network file system may report a failed write as late as on closing. A duplicate is closed, so that the
+  // temporary stays locked until it has its name.
+  const int duplicate = fcntl(fd_, F_DUPFD_CLOEXEC, 0);
+  if (duplicate < 0 || close(duplicate) != 0)
     return IoError(path_.string() + ": cannot close: " + ErrnoText(errno));
   CrashPoint("before-rename");
   if (rename(temp_.c_str(), path_.c_str()) != 0) {
     return IoError(path_.string() + ": cannot put the written file in place: " + ErrnoText(errno));
   }
   temp_.clear();
+  close(std::exchange(fd_, -1));
   CrashPoint("after-rename");
   GLINT_RETURN_IF_ERROR(SyncFolder(FolderOf(path_)));
   CrashPoint("after-dir-fsync");

@@ -16,7 +16,7 @@ namespace glint {
 Status PublishFile(const std::filesystem::path& path, std::span<const std::byte> bytes);
 
 /// The same for a file that is written in pieces: Write() them in order, then Commit(). Without Commit the
-/// temporary is removed.
+/// temporary is removed; one whose process was killed is removed by the next Create() for the same path.
 class FilePublisher {
  public:
   static Result<FilePublisher> Create(const std::filesystem::path& path);
@@ -33,9 +33,13 @@ class FilePublisher {
  private:
   FilePublisher() = default;
   std::filesystem::path path_, temp_;
-  int fd_ = -1;
+  int fd_ = -1;  ///< locked as long as the temporary is there
   uint64_t offset_ = 0;
 };
+
+/// Whether PublishFile could put a file at `path`: tries it in the folder, leaving `path` as it is. kUsage if
+/// `path` names something else than a file or its folder is not there, kIo if it cannot be written.
+Status CheckPublishable(const std::filesystem::path& path);
 
 /// Makes the folder and those above it that are missing, and makes each new name durable. kIo, naming the
 /// path.

@@ -86,6 +86,15 @@ std::string FindDamage(std::span<const std::byte> bytes, const Digest& digest) {
   return "";
 }
 
+/// A chunk that is gone, or larger than any, is computed again. One that cannot be read now (permissions, too
+/// many open files, a disk that fails) may be sound.
+Status WhyUnread(const fs::path& path, const Status& status) {
+  std::error_code error;
+  const bool gone = fs::symlink_status(path, error).type() == fs::file_type::not_found;
+  if (gone || status.kind() == ErrorKind::kLimit) return BadInput(status.message());
+  return IoError(status.message() + "; mend that, or remove the file, and its task is computed again");
+}
+
 Status RemoveFile(const fs::path& path) {
   std::error_code error;
   fs::remove(path, error);
@@ -122,7 +131,9 @@ Result<Digest> ChunkStore::PutResult(const Digest& task_key, std::span<const std
 
 Result<std::vector<std::byte>> ChunkStore::Get(const Digest& digest) const {
   const fs::path path = ChunkPath(root_, digest);
-  GLINT_ASSIGN_OR_RETURN(std::vector<std::byte> bytes, ReadFile(path, kMaxChunkBytes));
+  Result<std::vector<std::byte>> read = ReadFile(path, kMaxChunkBytes);
+  if (!read.ok()) return WhyUnread(path, read.status());
+  std::vector<std::byte> bytes = std::move(read).value();
   if (const std::string damage = FindDamage(bytes, digest); !damage.empty()) {
     return BadInput(path.string() + ": damaged chunk, " + damage +
                     "; remove the file, and its task is computed again");
@@ -134,7 +145,8 @@ Result<std::vector<std::byte>> ChunkStore::Get(const Digest& digest) const {
 Status ChunkStore::Discard(const Digest& task_key, const Digest& digest) {
   GLINT_RETURN_IF_ERROR(RemoveFile(RecordPath(root_, task_key)));
   // Another process may have put a sound chunk in its place since the damage was seen: that one stays.
-  if (Get(digest).ok()) return {};
+  const Status chunk = Get(digest).status();
+  if (chunk.ok() || chunk.kind() == ErrorKind::kIo) return chunk;
   return RemoveFile(ChunkPath(root_, digest));
 }
 

@@ -27,9 +27,10 @@ class ChunkStore {
   /// Publishes the payload, then the task's record. Safe to repeat.
   Result<Digest> PutResult(const Digest& task_key, std::span<const std::byte> payload);
   /// Payload of a chunk; header, length, checksum and digest are checked. kBadInput with the file's name if
-  /// damaged.
+  /// it is damaged or gone; kIo if it is there and cannot be read, which says nothing about it.
   Result<std::vector<std::byte>> Get(const Digest& digest) const;
-  /// Forgets a task's record and removes its chunk if it is damaged, so that the task is computed again.
+  /// Forgets a task's record and removes its chunk if it is damaged, so that the task is computed again. A
+  /// chunk that cannot be read stays (kIo).
   Status Discard(const Digest& task_key, const Digest& digest);
 
   const std::filesystem::path& root() const { return root_; }

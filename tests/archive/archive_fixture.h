@@ -113,7 +113,7 @@ inline Content MakeContent(uint32_t vertices = 9, uint32_t triangles = 7, int lo
   c.content.cameras = {{"main", {0.1f, 2, 3}, {0, 0, -1}, {0, 1, 0}, 0.7f},
                        {"\"caf\u00e9\"", {}, {1, 0, 0}, {0, 0, 1}, 1}};
   c.content.report_json = "{\"seconds\": 1.25,\n \"note\": \"kept as it is\"}";
-  for (int i = 0; i < 32; ++i) c.content.bake_key.bytes[i] = static_cast<uint8_t>(i * 7);
+  for (int i = 0; i < 32; ++i) c.content.archive_key.bytes[i] = static_cast<uint8_t>(i * 7);
   return c;
 }
 

@@ -98,7 +98,7 @@ void ExpectHolds(const Archive& archive, const Content& c) {
   ExpectSameDomain(c.domain, archive.domain());
   EXPECT_EQ(archive.grid_level(), c.content.grid_level);
   EXPECT_EQ(archive.report_json(), c.content.report_json);
-  EXPECT_EQ(archive.bake_key(), c.content.bake_key);
+  EXPECT_EQ(archive.archive_key(), c.content.archive_key);
   ASSERT_EQ(archive.cameras().size(), c.content.cameras.size());
   for (size_t i = 0; i < archive.cameras().size(); ++i) {
     const Camera &a = archive.cameras()[i], &b = c.content.cameras[i];
@@ -298,6 +298,24 @@ TEST_F(ArchiveTest, WriterRefusesWhatWouldNotOpen) {
   c.content.cameras[0].eye.x = NAN;
   EXPECT_EQ(WriteArchive(Path(), Link(&c)).kind(), ErrorKind::kInternal);
   EXPECT_FALSE(std::filesystem::exists(Path()));
+}
+
+TEST_F(ArchiveTest, VerifyTellsDamageFromOtherFiles) {
+  Content c = MakeContent();
+  const auto good = Write(&c);
+  for (size_t at = 0; at < good.size(); at += at < 256 ? 1 : 41) {
+    auto bad = good;
+    bad[at] ^= std::byte{16};
+    ASSERT_EQ(Verify(bad).kind(), at < 8 ? ErrorKind::kBadInput : ErrorKind::kMismatch) << at;
+  }
+  for (const size_t size : {size_t{8}, size_t{100}, size_t{200}, good.size() - 1})
+    EXPECT_EQ(Verify(std::span(good).first(size)).kind(), ErrorKind::kMismatch) << size;
+  EXPECT_EQ(Verify(std::span(good).first(7)).kind(), ErrorKind::kBadInput);
+  EXPECT_EQ(VerifyArchive(Path("absent.glint")).kind(), ErrorKind::kBadInput);
+  auto newer = good;
+  newer[8] = std::byte{9};
+  Reseal(newer);
+  EXPECT_EQ(Verify(newer).kind(), ErrorKind::kBadInput) << "whole, but another version's";
 }
 
 /// Offset in the file of the first entry of a table.

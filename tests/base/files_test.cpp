@@ -144,6 +144,47 @@ TEST(FilePublisherTest, WithoutCommitNothingStays) {
   EXPECT_EQ(folder.FileCount(), 0u);
 }
 
+size_t EntryCount(const fs::path& folder) {
+  return static_cast<size_t>(std::distance(fs::directory_iterator(folder), fs::directory_iterator()));
+}
+
+TEST(FilePublisherTest, WhatKilledProcessesLeftGoesWithTheNextFileOfThatName) {
+  const TempFolder folder;
+  const fs::path path = folder / "file", other = folder / "file.json";
+  for (const fs::path& name : {path, path, other}) {
+    EXPECT_EQ(
+        RunProcess({GLINT_BASE_PROBE, "publish", name.string(), "new"}, {"GLINT_CRASH_AT=after-write:1"})
+            .signal,
+        SIGKILL);
+  }
+  std::ofstream(folder / ".file.1.2.txt") << "not ours";
+  std::ofstream(folder / ".file.x.2.tmp") << "not ours";
+  auto alive = FilePublisher::Create(path);  // removes two
+  ASSERT_TRUE(alive.ok());
+  EXPECT_EQ(EntryCount(folder.path()), 4u);
+  ASSERT_TRUE(PublishFile(path, BytesOf("by another")).ok());
+  EXPECT_EQ(EntryCount(folder.path()), 5u) << "one that is being written stays";
+  ASSERT_TRUE(alive->Write(BytesOf("whole")).ok());
+  ASSERT_TRUE(alive->Commit().ok());
+  EXPECT_EQ(TextOf(path), "whole");
+  EXPECT_EQ(EntryCount(folder.path()), 4u);
+}
+
+TEST(CheckPublishableTest, TriesAndLeavesNothing) {
+  const TempFolder folder;
+  EXPECT_TRUE(CheckPublishable(folder / "file").ok());
+  std::ofstream(folder / "file") << "old";
+  EXPECT_TRUE(CheckPublishable(folder / "file").ok());
+  EXPECT_EQ(TextOf(folder / "file"), "old");
+  EXPECT_EQ(EntryCount(folder.path()), 1u);
+  EXPECT_EQ(CheckPublishable(folder.path()).kind(), ErrorKind::kUsage);
+  EXPECT_EQ(CheckPublishable(folder.path() / "").kind(), ErrorKind::kUsage);
+  EXPECT_EQ(CheckPublishable(folder / "absent/file").kind(), ErrorKind::kUsage);
+  EXPECT_EQ(CheckPublishable(folder / "file/below").kind(), ErrorKind::kUsage);
+  const std::string long_name(300, 'x');
+  EXPECT_EQ(CheckPublishable(folder / long_name).kind(), ErrorKind::kIo);
+}
+
 TEST(CreateFoldersTest, MakesWhatIsMissing) {
   const TempFolder folder;
   ASSERT_TRUE(CreateFolders(folder / "a/b/c").ok());

@@ -145,6 +145,7 @@ TEST_P(BakeStopTest, EndsInOrderAndGoesOn) {
   const auto some_tasks = [this] { return StoredFiles(work(), "tasks").size() >= 2; };
   const ProcessResult stopped = Bake({}, {GetParam(), some_tasks});
   ASSERT_EQ(stopped.exit_code, 5) << stopped.err;
+  EXPECT_NE(stopped.err.find("run the same command again to go on"), std::string::npos) << stopped.err;
   EXPECT_FALSE(fs::exists(out()));
   const size_t finished = StoredFiles(work(), "tasks").size();
   EXPECT_GE(finished, 2u);

@@ -90,14 +90,60 @@ TEST(BakeSettingsTest, WhatDecidesTheResultShows) {
   const Baked expected = BakeHere(scene, options);
   const std::function<void(BakeOptions*)> changes[] = {
       [](BakeOptions* o) { o->settings.seed = 2; }, [](BakeOptions* o) { o->settings.max_rays = 1024; },
-      [](BakeOptions* o) { o->settings.drop = 0.1f; },
-      [](BakeOptions* o) { o->settings.split_levels = 2; },
+      [](BakeOptions* o) { o->settings.drop = 0.1f; }, [](BakeOptions* o) { o->settings.split_levels = 2; },
       [](BakeOptions* o) { o->settings.method = GatherMethod::kPaper; }};
   for (const auto& change : changes) {
     BakeOptions changed = options;
     change(&changed);
     EXPECT_FALSE(BakeHere(scene, changed).archive == expected.archive);
   }
+}
+
+TEST(BakeSettingsTest, WhatDecidesTheArchiveShowsInItsKey) {
+  const Scene scene = Generated("planes");
+  BakeOptions options = SmallOptions();
+  options.max_layers = 1;
+  const Digest expected = BakeHere(scene, options).report.archive_key;
+  options.threads = 1;
+  options.vertices_per_task = 17;
+  EXPECT_EQ(BakeHere(scene, options).report.archive_key, expected);
+  const std::function<void(BakeOptions*)> changes[] = {
+      [](BakeOptions* o) { o->settings.seed = 2; }, [](BakeOptions* o) { o->max_layers = 0; },
+      [](BakeOptions* o) { o->layer_tolerance = 0.5f; },
+      [](BakeOptions* o) { o->table_form = TableForm::kClassic; }};
+  for (const auto& change : changes) {
+    BakeOptions changed = options;
+    change(&changed);
+    const Baked baked = BakeHere(scene, changed);
+    EXPECT_NE(baked.report.archive_key, expected);
+    const Result<Archive> archive = Archive::FromMemory(baked.archive, "archive");
+    ASSERT_TRUE(archive.ok());
+    EXPECT_EQ(archive->archive_key(), baked.report.archive_key);
+    EXPECT_TRUE(baked.report.json.find(baked.report.archive_key.Hex()) != std::string::npos);
+  }
+  Scene other_camera = Generated("planes");
+  other_camera.cameras.at(0).name += "2";
+  EXPECT_NE(BakeHere(other_camera, options).report.archive_key, expected);
+}
+
+TEST(BakeSettingsTest, NumbersOfLayersThatNoArchiveHoldsAreRefused) {
+  const TempFolder folder;
+  BakeOptions options = SmallOptions();
+  for (const int layers : {-1, kMaxIndirectLayers + 1}) {
+    options.max_layers = layers;
+    const Status status = BakeScene(Generated("planes"), "scene", folder / "out.glint", options).status();
+    EXPECT_EQ(status.kind(), ErrorKind::kUsage) << layers;
+  }
+}
+
+TEST(BakeSettingsTest, AScenesNameMayBeInAnyEncoding) {
+  const TempFolder folder;
+  BakeOptions options = SmallOptions();
+  options.max_layers = 0;
+  const Result<BakeReport> report =
+      BakeScene(Generated("planes"), "caf\xe9.glb", folder / "out.glint", options);
+  ASSERT_TRUE(report.ok()) << report.status().message();
+  EXPECT_NE(report->json.find("caf\xef\xbf\xbd.glb"), std::string::npos) << "a replacement character";
 }
 
 TEST(BakeSettingsTest, ClassicTablesHoldTheSameSlices) {

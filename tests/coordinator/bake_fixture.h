@@ -52,15 +52,16 @@ inline std::vector<std::byte> BytesOf(const std::filesystem::path& path) {
   return bytes.ok() ? std::move(bytes).value() : std::vector<std::byte>();
 }
 
-/// Files of a work folder's `kind` ("chunks" or "tasks") that are in place.
+/// Files of a work folder's `kind` ("chunks" or "tasks") that are in place, of all bakes.
 inline std::vector<std::filesystem::path> StoredFiles(const std::filesystem::path& work,
                                                       const std::string& kind) {
   constexpr size_t kNameLength = 64;  // temporaries have longer names
   std::vector<std::filesystem::path> files;
   std::error_code error;
   using Iterator = std::filesystem::recursive_directory_iterator;
-  for (Iterator i(work / kind, error), end; !error && i != end; i.increment(error)) {
-    if (i->path().filename().string().size() == kNameLength) files.push_back(i->path());
+  for (Iterator i(work, error), end; !error && i != end; i.increment(error)) {
+    const bool of_kind = i->path().parent_path().parent_path().filename() == kind;
+    if (of_kind && i->path().filename().string().size() == kNameLength) files.push_back(i->path());
   }
   return files;
 }

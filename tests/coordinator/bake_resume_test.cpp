@@ -4,9 +4,15 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+#include <vector>
 
 #include "common/base/log.h"
 #include "tests/base/temp_folder.h"
@@ -69,6 +75,74 @@ TEST_F(BakeResumeTest, TheWorkFolderGoesWhenItIsNotWanted) {
   options_.keep_work = false;
   ASSERT_TRUE(Run().ok());
   EXPECT_FALSE(fs::exists(options_.work_dir));
+}
+
+TEST_F(BakeResumeTest, WhatOthersKeepInTheWorkFolderStays) {
+  ASSERT_TRUE(fs::create_directories(options_.work_dir / "chunks"));
+  std::ofstream(options_.work_dir / "thesis.tex") << "years of work";
+  std::ofstream(options_.work_dir / "chunks/mine") << "too";
+  BakeOptions other = options_;
+  other.settings.seed = 2;
+  ASSERT_TRUE(BakeScene(scene_, "scene", folder_ / "other.glint", other).ok());  // keeps its chunks
+  const size_t others = StoredFiles(options_.work_dir, "chunks").size();
+  EXPECT_GT(others, 0u);
+  options_.keep_work = false;
+  ASSERT_TRUE(Run().ok());
+  EXPECT_EQ(StoredFiles(options_.work_dir, "chunks").size(), others);
+  EXPECT_TRUE(fs::exists(options_.work_dir / "thesis.tex"));
+  EXPECT_TRUE(fs::exists(options_.work_dir / "chunks/mine"));
+}
+
+// Another bake of the same scene and settings ends, and takes its chunks away, while this one is at work.
+TEST_F(BakeResumeTest, BakesOfOneKeyDoNotTakeEachOthersChunksAway) {
+  options_.keep_work = false;
+  bool other_ran = false;
+  const Result<BakeReport> report = Run([&](const BakeProgress& progress) {
+    if (other_ran || progress.stage != "layer 1") return;
+    other_ran = true;
+    EXPECT_TRUE(BakeScene(scene_, "scene", folder_ / "other.glint", options_).ok());
+    EXPECT_GT(StoredFiles(options_.work_dir, "chunks").size(), 0u);
+  });
+  ASSERT_TRUE(report.ok()) << report.status().message();
+  ASSERT_TRUE(other_ran);
+  EXPECT_TRUE(BytesOf(out()) == BytesOf(folder_ / "other.glint"));
+  EXPECT_FALSE(fs::exists(options_.work_dir)) << "the last one takes the folder away";
+}
+
+TEST_F(BakeResumeTest, AsManyBakesAtOnceAsYouLike) {
+  options_.keep_work = false;
+  options_.max_layers = 0;
+  std::atomic<int> failures{0};
+  {
+    std::vector<std::jthread> bakes;
+    for (uint32_t i = 0; i < 8; ++i)
+      bakes.emplace_back([&, i] {
+        BakeOptions options = options_;
+        options.threads = 1;
+        options.settings.seed = i / 4;
+        failures += !BakeScene(scene_, "scene", folder_ / ("out" + std::to_string(i)), options).ok();
+      });
+  }
+  EXPECT_EQ(failures, 0);
+  EXPECT_FALSE(fs::exists(options_.work_dir));
+}
+
+TEST_F(BakeResumeTest, MoreLayersGoOnFromFewer) {
+  options_.max_layers = 1;
+  const Result<BakeReport> fewer = Run();
+  options_.max_layers = 2;
+  const Result<BakeReport> more = Run();
+  ASSERT_TRUE(fewer.ok() && more.ok());
+  EXPECT_EQ(more->tasks_reused, fewer->tasks);
+  EXPECT_NE(more->archive_key, fewer->archive_key);
+}
+
+TEST_F(BakeResumeTest, TheFormOfTheTablesDoesNotMatterToTasks) {
+  BakeFirst();
+  options_.table_form = TableForm::kClassic;
+  const Result<BakeReport> report = Run();
+  ASSERT_TRUE(report.ok());
+  EXPECT_EQ(report->tasks_reused, tasks_);
 }
 
 TEST_F(BakeResumeTest, OtherSettingsFindNothing) {
@@ -149,6 +223,38 @@ class WithoutPrivileges {
   const uid_t user_;
   bool ok_ = false;
 };
+
+TEST_F(BakeResumeTest, ChunksThatCannotBeReadAreNotDiscarded) {
+  BakeFirst();
+  for (const auto& entry : fs::recursive_directory_iterator(folder_.path()))
+    fs::permissions(entry.path(), fs::perms::all);
+  const fs::path chunk = StoredFiles(options_.work_dir, "chunks").at(1);
+  fs::permissions(chunk, fs::perms::none);
+  Status status;
+  {
+    const WithoutPrivileges nobody;
+    ASSERT_TRUE(nobody.ok());
+    status = Run().status();
+  }
+  EXPECT_EQ(status.kind(), ErrorKind::kIo);
+  EXPECT_NE(status.message().find(chunk.string()), std::string::npos) << status.message();
+  EXPECT_NE(status.message().find("ermission denied"), std::string::npos) << status.message();
+  ASSERT_TRUE(fs::exists(chunk));
+  fs::permissions(chunk, fs::perms::all);
+  ExpectSameWith(0);
+}
+
+TEST_F(BakeResumeTest, SecondsOfALayerThatWasMendedAreAdded) {
+  BakeFirst();
+  FlipLast(StoredFiles(options_.work_dir, "chunks").at(3));
+  const Result<BakeReport> report = Run();
+  ASSERT_TRUE(report.ok()) << report.status().message();
+  std::map<std::string, double> seconds;
+  for (const auto& [stage, s] : report->stage_seconds) seconds[stage] += s;
+  EXPECT_LT(seconds.size(), report->stage_seconds.size()) << "one stage came twice";
+  const auto json = nlohmann::json::parse(report->json);
+  for (const auto& [stage, s] : seconds) EXPECT_NEAR(json["seconds_by_stage"][stage], s, 1e-9) << stage;
+}
 
 TEST_F(BakeResumeTest, AReadOnlyWorkFolderIsAClearError) {
   fs::create_directories(options_.work_dir);

@@ -54,6 +54,7 @@ TEST_P(BakeTruthTest, ASphereAloneStoresNothing) {
   EXPECT_EQ(baked->report.layers[0].energy, 1.0);
   EXPECT_EQ(baked->report.layers[1].stored, 0u);
   EXPECT_EQ(baked->report.layers[1].energy, 0.0);
+  EXPECT_TRUE(baked->report.complete);
 }
 
 TEST_P(BakeTruthTest, NothingReachesTheSkyFromInsideAFurnace) {

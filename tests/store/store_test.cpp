@@ -138,6 +138,18 @@ TEST_F(ChunkStoreTest, DiscardKeepsAChunkThatHasBeenRepaired) {
   EXPECT_EQ(store_.FindResult(Key("b")), digest);
 }
 
+TEST_F(ChunkStoreTest, AChunkThatCannotBeReadIsNotTakenForDamaged) {
+  const Digest digest = *store_.PutResult(Key("task"), BytesOf("payload"));
+  const fs::path path = PathOf(store_, "chunks", digest);
+  fs::remove(path);
+  fs::create_symlink(path.filename(), path);  // leads to itself: opening it fails, for root too
+  const Status status = store_.Get(digest).status();
+  EXPECT_EQ(status.kind(), ErrorKind::kIo);
+  EXPECT_NE(status.message().find(path.string()), std::string::npos) << status.message();
+  EXPECT_EQ(store_.Discard(Key("task"), digest).kind(), ErrorKind::kIo);
+  EXPECT_TRUE(fs::is_symlink(path));
+}
+
 TEST_F(ChunkStoreTest, ManyMayPutAtOnce) {
   constexpr int kThreads = 4, kTasks = 12;
   std::atomic<int> failures{0};

@@ -59,6 +59,8 @@ TEST(ToolsHelpTest, VersionIsOneLine) {
 TEST(ToolsExitCodeTest, WrongWordsAreUsage) {
   const TempFolder folder;
   const std::string out = (folder / "x.exr").string();
+  std::filesystem::create_directories(folder / "folder.png");
+  std::filesystem::create_directories(folder / "folder.glint");
   const std::vector<std::vector<std::string>> wrong{
       {},
       {"polish"},
@@ -70,6 +72,8 @@ TEST(ToolsExitCodeTest, WrongWordsAreUsage) {
       {"render", "a.glint", "-o", out, "--size", "0x10"},
       {"render", "a.glint", "-o", out, "--eye", "1,2"},
       {"render", "a.glint", "-o", out, "--eye", "1,2,nan"},
+      {"render", "a.glint", "-o", out, "--eye", "1,2,1.1e15"},
+      {"render", "a.glint", "-o", out, "--eye", "1,2,3", "--look-at", "-2e15,0,0"},
       {"render", "a.glint", "-o", out, "--look-at", "1,2,3"},
       {"render", "a.glint", "-o", out, "--camera", "a", "--eye", "1,2,3"},
       {"render", "a.glint", "-o", out, "--layer", "1", "--layers", "2"},
@@ -77,6 +81,10 @@ TEST(ToolsExitCodeTest, WrongWordsAreUsage) {
       {"render", "a.glint", "-o", out, "--tone", "filmic"},
       {"render", "a.glint", "-o", (folder / "x.jpg").string()},
       {"render", "a.glint", "-o", (folder / "absent/x.png").string()},
+      {"render", "a.glint", "-o", (folder / "folder.png").string()},
+      {"render", "a.glint", "-o", out, "--samples", "4097"},
+      {"bake", "a.glb", "-o", (folder / "folder.glint").string()},
+      {"bake", "a.glb", "-o", (folder / "a.glint").string(), "--layers", "256"},
       {"reference", "a.glb", "-o", out, "--spp", "3"},
       {"reference", "a.glb", "-o", out, "--bounces", "-1"},
       {"reference", "a.glb", "-o", out, "--brdf", "other"},
@@ -97,6 +105,36 @@ TEST(ToolsExitCodeTest, WrongWordsAreUsage) {
     EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
   }
   EXPECT_EQ(folder.FileCount(), 0u);
+}
+
+TEST(ToolsExitCodeTest, WordsOfNumbersTakeFiniteNumbersInTheirRange) {
+  const TempFolder folder;
+  const std::string picture = (folder / "x.png").string();
+  const std::vector<std::string> bake{"bake", "a.glb", "-o", (folder / "a.glint").string()};
+  const std::vector<std::string> render{"render", "a.glint", "-o", picture};
+  const std::vector<std::string> compare{"compare", "a.exr", "b.exr"};
+  const std::vector<std::string> scene{"scene", "planes", "-o", (folder / "a.glb").string()};
+  const std::vector<std::pair<std::vector<std::string>, std::string>> words{
+      {bake, "--tolerance"},   {bake, "--rays-per-kappa"}, {bake, "--fit-tolerance"},
+      {bake, "--drop"},        {render, "--fov"},          {render, "--env-rotate"},
+      {render, "--exposure"},  {compare, "--max-rel-mse"}, {compare, "--max-flip"},
+      {compare, "--exposure"}, {scene, "--exponent"},
+  };
+  for (const auto& [command, word] : words) {
+    for (const char* value : {"nan", "NAN", "-nan", "inf", "-inf", "-1e30", "1e999", "", "1x"}) {
+      std::vector<std::string> line = command;
+      line.push_back(word + "=" + value);
+      const ProcessResult result = Glint(line);
+      EXPECT_EQ(result.exit_code, 2) << word << " " << value << "\n" << result.err;
+      EXPECT_TRUE(Contains(result.err, word)) << result.err;
+    }
+  }
+  EXPECT_EQ(folder.FileCount(), 0u);
+}
+
+TEST(ToolsExitCodeTest, AWrongCommandIsNamed) {
+  for (const char* word : {"frobnicate", "help", "--no-such-word"})
+    EXPECT_TRUE(Contains(Glint({word}).err, "'" + std::string(word) + "'")) << Glint({word}).err;
 }
 
 TEST(ToolsExitCodeTest, MissingAndDamagedFilesAreBadInput) {
@@ -122,13 +160,14 @@ TEST(ToolsExitCodeTest, MissingAndDamagedFilesAreBadInput) {
 TEST(ToolsListTest, ScenesAndSkiesAreListed) {
   EXPECT_TRUE(Contains(Glint({"scene", "--list"}).out, "teapot "));
   const auto scenes = nlohmann::json::parse(Glint({"scene", "--list", "--json"}).out);
-  EXPECT_GE(scenes.size(), 7u);
+  EXPECT_GE(scenes["scenes"].size(), 7u);
   EXPECT_TRUE(Contains(Glint({"environment", "--list"}).out, "sunset"));
 }
 
 TEST(ToolsListTest, EveryListedSkyCanBeWritten) {
   const TempFolder folder;
-  for (const auto& sky : nlohmann::json::parse(Glint({"environment", "--list", "--json"}).out)) {
+  for (const auto& sky :
+       nlohmann::json::parse(Glint({"environment", "--list", "--json"}).out)["environments"]) {
     const std::string out = (folder / (sky["name"].get<std::string>() + ".exr")).string();
     EXPECT_EQ(Glint({"environment", sky["name"], "--width", "32", "-o", out}).exit_code, 0) << sky;
     EXPECT_TRUE(std::filesystem::exists(out));
@@ -181,6 +220,102 @@ TEST(ToolsWholeWayTest, SceneToArchiveToPicture) {
   EXPECT_TRUE(std::filesystem::exists(difference));
   EXPECT_EQ(Glint({"compare", picture, truth, "--max-rel-mse", "0"}).exit_code, 7);
   EXPECT_EQ(Glint({"compare", truth, truth, "--max-rel-mse", "0"}).exit_code, 0);
+}
+
+/// A small archive that the tests below look at.
+class ToolsArchiveTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_EQ(Glint({"scene", "planes", "--vertices", "500", "-o", scene_}).exit_code, 0);
+    ASSERT_EQ(Bake({}).exit_code, 0);
+  }
+  ProcessResult Bake(std::vector<std::string> words) const {
+    const std::vector<std::string> bake{"bake", scene_,       "-o",  archive_,  "--directions",
+                                        "42",   "--max-rays", "256", "--layers"};
+    words.insert(words.begin(), bake.begin(), bake.end());
+    if (words.size() == bake.size()) words.push_back("0");
+    return Glint(words);
+  }
+
+  const TempFolder folder_;
+  const std::string scene_ = (folder_ / "planes.glb").string();
+  const std::string archive_ = (folder_ / "planes.glint").string();
+};
+
+TEST_F(ToolsArchiveTest, VerifyTellsDamageFromOtherFiles) {
+  ASSERT_EQ(Glint({"verify", archive_, "--threads", "2"}).exit_code, 0);
+  std::fstream file(archive_, std::ios::in | std::ios::out | std::ios::binary);
+  file.seekp(500);
+  file << "damage";
+  file.close();
+  const ProcessResult damaged = Glint({"verify", archive_});
+  EXPECT_EQ(damaged.exit_code, 7) << damaged.err;
+  EXPECT_EQ(Glint({"inspect", archive_}).exit_code, 3);
+  EXPECT_EQ(Glint({"verify", scene_}).exit_code, 3);
+}
+
+TEST_F(ToolsArchiveTest, InspectShowsNoForeignReport) {
+  const std::string report = archive_ + ".json";
+  const auto Inspected = [&] {
+    const ProcessResult text = Glint({"inspect", archive_});
+    EXPECT_EQ(text.exit_code, 0) << text.err;
+    const ProcessResult result = Glint({"inspect", archive_, "--json"});
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return std::pair(nlohmann::json::parse(result.out)["report"], result.err);
+  };
+  const std::string own = ReadText(report);
+  EXPECT_TRUE(Inspected().first.contains("seconds"));
+  EXPECT_EQ(Inspected().second, "");
+  auto other = nlohmann::json::parse(own);
+  other["archive_key"] = std::string(64, '0');
+  const std::string deep = own.substr(0, own.rfind('}')) + ",\"deep\":" + std::string(2000000, '[') +
+                           std::string(2000000, ']') + "}";
+  for (const std::string& text :
+       {std::string(), std::string("[]"), std::string("7"), other.dump(), std::string(1000000, '['), deep}) {
+    std::ofstream(report, std::ios::binary) << text;
+    const auto [shown, notes] = Inspected();
+    EXPECT_TRUE(shown.is_null());
+    EXPECT_TRUE(Contains(notes, report)) << notes;
+  }
+  // The right key among values of wrong types.
+  auto strange = nlohmann::json::parse(own);
+  strange["layers"] = {{{"slices", "many"}}, 7, nullptr};
+  strange["seconds"] = nlohmann::json::array({"x"});
+  std::ofstream(report, std::ios::binary) << strange.dump();
+  EXPECT_EQ(Inspected().first["seconds"][0], "x");
+}
+
+TEST_F(ToolsArchiveTest, LayersThatWouldCarryNothingAreNone) {
+  const std::string picture = (folder_ / "p.exr").string(), all = (folder_ / "all.exr").string();
+  const auto Render = [&](const std::string& out, std::vector<std::string> words) {
+    words.insert(words.begin(), {"render", archive_, "-o", out, "--size", "24x24"});
+    return Glint(words);
+  };
+  // Ended by --layers: what is above is not known.
+  EXPECT_EQ(Render(picture, {"--layers", "1"}).exit_code, 2);
+  EXPECT_EQ(Render(picture, {"--layer", "1"}).exit_code, 2);
+  // Ended by the tolerance.
+  ASSERT_EQ(Bake({"9", "--tolerance", "1"}).exit_code, 0);
+  ASSERT_EQ(Render(all, {}).exit_code, 0);
+  const ProcessResult more = Render(picture, {"--layers", "7"});
+  EXPECT_EQ(more.exit_code, 0) << more.err;
+  EXPECT_TRUE(Contains(more.err, "layer 7 is not there")) << more.err;
+  EXPECT_EQ(ReadText(picture), ReadText(all));
+  EXPECT_EQ(Render(picture, {"--layer", "7"}).exit_code, 0);
+  EXPECT_NE(ReadText(picture), ReadText(all));
+}
+
+TEST_F(ToolsArchiveTest, ExtensionsMayBeInCapitals) {
+  const std::string picture = (folder_ / "P.PNG").string();
+  EXPECT_EQ(Glint({"render", archive_, "-o", picture, "--size", "24x24"}).exit_code, 0);
+  EXPECT_EQ(ReadText(picture).substr(1, 3), "PNG");
+}
+
+TEST_F(ToolsArchiveTest, ASceneNamedInAnotherEncodingIsBaked) {
+  const std::string scene = (folder_ / "caf\xe9.glb").string(), out = (folder_ / "caf\xe9.glint").string();
+  std::filesystem::rename(scene_, scene);
+  EXPECT_EQ(Glint({"bake", scene, "-o", out, "--directions", "42", "--layers", "0", "--json"}).exit_code, 0);
+  EXPECT_EQ(Glint({"inspect", out}).exit_code, 0);
 }
 
 }  // namespace
