@@ -47,17 +47,14 @@ TEST(BakeDomain, ManyDifferentShapesAreRounded) {
   std::vector<Material> materials(kMaxExactShapes);
   for (size_t i = 0; i < materials.size(); ++i)
     materials[i].roughness = 0.2f + 0.001f * static_cast<float>(i);
-  const BrdfFitOptions fit{.max_lobes = 1};
-  EXPECT_EQ(BuildBakeDomain(ManyMaterials(materials), fit, 1).shapes.size(), kMaxExactShapes);
-
   Material phong;
   phong.model = MaterialModel::kPhong;
   phong.exponent = 1000;
   materials.push_back(phong);
   const Scene scene = ManyMaterials(materials);
   ASSERT_GT(scene.positions.size(), materials.size());
-  const BakeDomain domain = BuildBakeDomain(scene, fit, 1);
-  EXPECT_LE(domain.shapes.size(), 64u);
+  const BakeDomain domain = BuildBakeDomain(scene, {.max_lobes = 1}, 1);
+  EXPECT_LE(domain.shapes.size(), 20u);
   for (uint32_t v = 0; v < domain.vertex_count(); ++v) {
     const Material& material = materials[scene.vertex_material[v]];
     const BrdfShape& shape = domain.shapes[domain.shape[v]];

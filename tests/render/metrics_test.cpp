@@ -130,7 +130,8 @@ TEST(MetricsTest, PicturesThatAreNotFiniteAreRefused) {
   for (const float value : {std::nanf(""), std::numeric_limits<float>::infinity()}) {
     Picture bad = good;
     bad.at(5, 2).y = bad.at(6, 3).x = value;
-    for (const auto& [test, reference] : {std::pair(&bad, &good), std::pair(&good, &bad)}) {
+    for (const auto& [test, reference] :
+         {std::pair<const Picture*, const Picture*>(&bad, &good), {&good, &bad}}) {
       for (const Status& status : {Compare(*test, *reference).status(), FlipMap(*test, *reference).status(),
                                    FalseColorDifference(*test, *reference).status()}) {
         EXPECT_EQ(status.kind(), ErrorKind::kBadInput);
