@@ -11,7 +11,9 @@
 #include <nlohmann/json.hpp>
 
 #include "common/archive/format.h"
+#include "common/base/frame.h"
 #include "common/lobes/vmf.h"
+#include "common/scene/bounds.h"
 
 namespace glint::archive_format {
 namespace {
@@ -20,8 +22,13 @@ static_assert(sizeof(glm::vec3) == 12 && sizeof(std::array<uint32_t, 3>) == 12,
               "arrays are stored as they lie");
 
 constexpr uint64_t kVec3Bytes = 12;
+constexpr float kMinAbove = 1e-7f;  ///< of a lobe; readers divide by it, and fits keep to 1e-6 or more
+constexpr float kMaxWeight = 1e6f;  ///< of colours and lobes, which are 1 or little more: light stays finite
 
 bool Finite(const glm::vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+
+/// Of directions that were made unit in single precision.
+bool IsUnit(float length) { return std::abs(length - 1) <= 1e-3f; }
 
 /// Appends values and arrays as they lie in memory.
 class ByteWriter {
@@ -153,6 +160,10 @@ Status CopyAttribute(const draco::Mesh& mesh, draco::GeometryAttribute::Type typ
 Status CopyMesh(const draco::Mesh& mesh, BakeDomain* domain) {
   GLINT_RETURN_IF_ERROR(CopyAttribute(mesh, draco::GeometryAttribute::POSITION, &domain->positions));
   GLINT_RETURN_IF_ERROR(CopyAttribute(mesh, draco::GeometryAttribute::NORMAL, &domain->normals));
+  for (size_t v = 0; v < domain->positions.size(); ++v) {
+    if (!Within(domain->positions[v], kMaxCoordinate)) return BadInput("a position is beyond 1e15");
+    if (!IsUnit(glm::length(domain->normals[v]))) return BadInput("a normal is not of unit length");
+  }
   domain->triangles.resize(mesh.num_faces());
   for (uint32_t f = 0; f < mesh.num_faces(); ++f) {
     const draco::Mesh::Face& face = mesh.face(draco::FaceIndex(f));
@@ -196,7 +207,9 @@ Status DecodeSlice(int shape_lobes, ByteReader* in, BrdfSlice* slice) {
       field = in->Value<float>();
       finite = finite && std::isfinite(field);
     });
-    if (!finite || lobe.kappa < 0 || lobe.kappa > kMaxKappa || lobe.above < 0 || lobe.above > 1)
+    if (!finite || lobe.kappa < 0 || lobe.kappa > kMaxKappa || lobe.above < kMinAbove || lobe.above > 1 ||
+        std::abs(lobe.scale) > kMaxWeight || std::abs(lobe.bias) > kMaxWeight ||
+        !IsUnit(std::hypot(lobe.mu_x, lobe.mu_z)))
       return BadInput("a lobe is out of range");
   }
   return {};
@@ -249,6 +262,12 @@ bool FromJson(const nlohmann::json& json, glm::vec3* v) {
   return Finite(*v);
 }
 
+/// What a view of the camera needs.
+bool Usable(const Camera& camera) {
+  return Within(camera.eye, kMaxEye) && Finite(camera.forward) && Finite(camera.up) &&
+         camera.vertical_fov > 0 && camera.vertical_fov < kPi;
+}
+
 bool FromJson(const nlohmann::json& json, Camera* camera) {
   if (!json.is_object()) return false;
   for (const char* key : {"name", "eye", "forward", "up", "vertical_fov"}) {
@@ -257,8 +276,8 @@ bool FromJson(const nlohmann::json& json, Camera* camera) {
   if (!json["name"].is_string() || !json["vertical_fov"].is_number()) return false;
   camera->name = json["name"].get<std::string>();
   camera->vertical_fov = json["vertical_fov"].get<float>();
-  return std::isfinite(camera->vertical_fov) && FromJson(json["eye"], &camera->eye) &&
-         FromJson(json["forward"], &camera->forward) && FromJson(json["up"], &camera->up);
+  return FromJson(json["eye"], &camera->eye) && FromJson(json["forward"], &camera->forward) &&
+         FromJson(json["up"], &camera->up) && Usable(*camera);
 }
 
 }  // namespace
@@ -323,8 +342,8 @@ Status DecodeVertices(std::span<const std::byte> raw, BakeDomain* domain) {
   in.Array(triangles, &domain->triangle_double_sided);
   if (!in.Complete()) return BadInput("wrong size");
   for (uint64_t v = 0; v < vertices; ++v) {
-    if (!Finite(domain->specular[v]) || !Finite(domain->diffuse[v]))
-      return BadInput("a colour is not finite");
+    if (!Within(domain->specular[v], kMaxWeight) || !Within(domain->diffuse[v], kMaxWeight))
+      return BadInput("a colour is out of range");
     if (domain->shape[v] >= domain->shapes.size()) return BadInput("a vertex's shape is out of range");
     if (domain->double_sided[v] > 1) return BadInput("a flag is neither 0 nor 1");
   }
@@ -356,10 +375,7 @@ Status DecodeShapes(std::span<const std::byte> raw, std::vector<BrdfShape>* shap
 Result<std::vector<std::byte>> EncodeCameras(const std::vector<Camera>& cameras) {
   nlohmann::json list = nlohmann::json::array();
   for (const Camera& camera : cameras) {
-    if (!Finite(camera.eye) || !Finite(camera.forward) || !Finite(camera.up) ||
-        !std::isfinite(camera.vertical_fov)) {
-      return InternalError("camera \"" + camera.name + "\" is not finite");
-    }
+    if (!Usable(camera)) return InternalError("camera \"" + camera.name + "\" is out of range");
     list.push_back({{"name", camera.name},
                     {"eye", ToJson(camera.eye)},
                     {"forward", ToJson(camera.forward)},

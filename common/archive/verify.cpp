@@ -15,25 +15,12 @@ namespace glint {
 namespace {
 
 Status CheckVertices(const BakeDomain& domain) {
-  constexpr float kUnitTolerance = 1e-3f;
   for (uint32_t v = 0; v < domain.vertex_count(); ++v) {
     const auto wrong = [&](const char* what) {
       return Mismatch("vertex " + std::to_string(v) + ": " + what);
     };
-    if (std::abs(glm::length(domain.normals[v]) - 1) > kUnitTolerance)
-      return wrong("normal is not of unit length");
     for (int c = 0; c < 3; ++c) {
       if (domain.specular[v][c] < 0 || domain.diffuse[v][c] < 0) return wrong("a reflectance is negative");
-    }
-  }
-  for (const BrdfShape& shape : domain.shapes) {
-    for (const BrdfSlice& slice : shape.slices) {
-      for (int k = 0; k < slice.lobes; ++k) {
-        const BrdfLobe& lobe = slice.lobe[k];
-        if (std::abs(std::hypot(lobe.mu_x, lobe.mu_z) - 1) > kUnitTolerance) {
-          return Mismatch("a BRDF lobe's direction is not of unit length");
-        }
-      }
     }
   }
   return {};

@@ -4,7 +4,8 @@
 
 #include <algorithm>
 #include <atomic>
-#include <system_error>
+#include <exception>
+#include <mutex>
 #include <thread>
 #include <vector>
 
@@ -23,11 +24,19 @@ void ParallelFor(size_t count, int threads, size_t grain,
   grain = std::max<size_t>(grain, 1);
   const size_t blocks = count / grain + (count % grain != 0 ? 1 : 0);
   std::atomic<size_t> next_block{0};
+  std::mutex failure_mutex;
+  std::exception_ptr failure;
   const auto work = [&](int thread) {
-    for (size_t block = next_block++; block < blocks; block = next_block++) {
-      const size_t begin = block * grain;
-      const size_t end = begin + std::min(grain, count - begin);
-      for (size_t i = begin; i < end; ++i) body(i, thread);
+    try {
+      for (size_t block = next_block++; block < blocks; block = next_block++) {
+        const size_t begin = block * grain;
+        const size_t end = begin + std::min(grain, count - begin);
+        for (size_t i = begin; i < end; ++i) body(i, thread);
+      }
+    } catch (...) {
+      next_block = blocks;
+      const std::lock_guard lock(failure_mutex);
+      if (!failure) failure = std::current_exception();
     }
   };
 
@@ -35,14 +44,17 @@ void ParallelFor(size_t count, int threads, size_t grain,
   // each other.
   const size_t helpers =
       std::min<size_t>(blocks, static_cast<size_t>(std::max(threads, 1))) - (blocks > 0 ? 1 : 0);
-  std::vector<std::jthread> pool;
-  pool.reserve(helpers);
-  try {
-    for (size_t t = 1; t <= helpers; ++t) pool.emplace_back(work, static_cast<int>(t));
-  } catch (const std::system_error&) {
-    // The system gives no more threads: those that there are, and this one, do all the work.
+  {
+    std::vector<std::jthread> pool;
+    try {
+      pool.reserve(helpers);
+      for (size_t t = 1; t <= helpers; ++t) pool.emplace_back(work, static_cast<int>(t));
+    } catch (const std::exception&) {
+      // No more threads, or no memory for them: those that there are, and this one, do all the work.
+    }
+    work(0);
   }
-  work(0);
+  if (failure) std::rethrow_exception(failure);
 }
 
 }  // namespace glint

@@ -4,8 +4,11 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <map>
+#include <set>
+#include <string>
 #include <utility>
 
+#include "common/base/log.h"
 #include "common/base/parallel.h"
 
 namespace glint {
@@ -13,10 +16,24 @@ namespace {
 
 using ShapeKey = std::pair<BrdfModel, float>;
 
-/// A textured roughness takes values all over [0, 1]; rounding it keeps the number of fitted shapes small.
-float RoundedShape(const Brdf& brdf, bool textured) {
-  if (brdf.model != BrdfModel::kGgx || !textured) return brdf.shape;
-  return std::max(std::round(brdf.shape / kRoughnessStep), 1.0f) * kRoughnessStep;
+/// The shape of a multiple of kRoughnessStep: at most 64 of each model. An exponent is rounded as the
+/// roughness about as wide, (2 / (n + 2))^(1/4).
+float RoundedShape(BrdfModel model, float shape) {
+  const float roughness = model == BrdfModel::kGgx ? shape : std::pow(2 / (shape + 2), 0.25f);
+  const float rounded = std::max(std::round(roughness / kRoughnessStep), 1.0f) * kRoughnessStep;
+  return model == BrdfModel::kGgx ? rounded : 2 / (rounded * rounded * rounded * rounded) - 2;
+}
+
+/// Makes few of many shapes: each distinct one is fitted and stored, and a vertex names it by 16 bits.
+void LimitShapes(std::vector<ShapeKey>& shape_of_vertex) {
+  const std::set<ShapeKey> distinct(shape_of_vertex.begin(), shape_of_vertex.end());
+  if (distinct.size() <= kMaxExactShapes) return;
+  std::map<ShapeKey, ShapeKey> rounded;
+  for (const ShapeKey& key : distinct) rounded[key] = {key.first, RoundedShape(key.first, key.second)};
+  for (ShapeKey& key : shape_of_vertex) key = rounded[key];
+  Log(LogLevel::kNote,
+      "the scene has " + std::to_string(distinct.size()) +
+          " different roughnesses and exponents; they are rounded to steps of 1/64 in roughness");
 }
 
 }  // namespace
@@ -61,18 +78,27 @@ BakeDomain BuildBakeDomain(const Scene& scene, const BrdfFitOptions& options, in
   for (size_t t = 0; t < scene.triangles.size(); ++t)
     domain.triangle_double_sided[t] = scene.materials[scene.triangle_material[t]].double_sided;
 
-  std::map<ShapeKey, uint16_t> shape_index;
-  std::vector<ShapeKey> shapes;
+  std::vector<ShapeKey> shape_of_vertex(count);
   for (uint32_t v = 0; v < count; ++v) {
     const Material& material = scene.materials[scene.vertex_material[v]];
     const Brdf brdf = ToBrdf(EvaluateVertexMaterial(scene, v));
-    const ShapeKey key{brdf.model, RoundedShape(brdf, material.metallic_roughness_texture != kNone)};
-    const auto [it, added] = shape_index.try_emplace(key, static_cast<uint16_t>(shapes.size()));
-    if (added) shapes.push_back(key);
-    domain.shape[v] = it->second;
+    const bool textured = material.metallic_roughness_texture != kNone;
+    shape_of_vertex[v] = {brdf.model, textured && brdf.model == BrdfModel::kGgx
+                                          ? RoundedShape(brdf.model, brdf.shape)
+                                          : brdf.shape};
     domain.specular[v] = brdf.specular;
     domain.diffuse[v] = brdf.diffuse;
     domain.double_sided[v] = material.double_sided;
+  }
+  LimitShapes(shape_of_vertex);
+
+  std::map<ShapeKey, uint16_t> shape_index;
+  std::vector<ShapeKey> shapes;
+  for (uint32_t v = 0; v < count; ++v) {
+    const auto [it, added] =
+        shape_index.try_emplace(shape_of_vertex[v], static_cast<uint16_t>(shapes.size()));
+    if (added) shapes.push_back(shape_of_vertex[v]);
+    domain.shape[v] = it->second;
   }
   domain.shapes.resize(shapes.size());
   ParallelFor(shapes.size(), threads, 1, [&](size_t i, int) {

@@ -34,6 +34,8 @@ struct BakeDomain {
 
 /// Textured roughness is rounded to multiples of this, so that a scene needs few shapes.
 inline constexpr float kRoughnessStep = 1.0f / 64;
+/// A scene with more distinct shapes than this has all of them rounded, materials' own as well (with a note).
+inline constexpr size_t kMaxExactShapes = 256;
 
 /// Samples materials at the vertices and fits each distinct shape (in parallel on `threads`).
 BakeDomain BuildBakeDomain(const Scene& scene, const BrdfFitOptions& options, int threads);

@@ -136,7 +136,8 @@ BrdfSlice LookupSlice(const BrdfShape& shape, float cos_o) {
     BrdfLobe& lobe = out.lobe[k];
     const float x = (wc0 * p.mu_x + ws0 * p.mu_z) + (wc1 * q.mu_x + ws1 * q.mu_z);
     const float z = (wc0 * p.mu_z - ws0 * p.mu_x) + (wc1 * q.mu_z - ws1 * q.mu_x);
-    const float inverse = 1 / std::sqrt(x * x + z * z);
+    // Fitted lobes of neighbouring slices are never opposite; made ones that are must not divide by zero.
+    const float inverse = 1 / std::sqrt(std::max(x * x + z * z, 1e-20f));
     lobe.mu_x = x * inverse;
     lobe.mu_z = z * inverse;
     lobe.kappa = w0 * p.kappa + w1 * q.kappa;

@@ -150,11 +150,7 @@ ArchiveRenderer::ArchiveRenderer(const BakeDomain& domain, int grid_level, std::
 ArchiveRenderer::~ArchiveRenderer() = default;
 
 Result<Picture> ArchiveRenderer::Render(const View& view) {
-  const int side = PictureLimits{}.side;
-  if (view.width < 1 || view.height < 1 || view.width > side || view.height > side) {
-    return UsageError("picture size " + std::to_string(view.width) + "x" + std::to_string(view.height) +
-                      ": each side must be 1 to " + std::to_string(side));
-  }
+  GLINT_RETURN_IF_ERROR(CheckView(view));
   if (impl_->options.samples < 1 || impl_->options.samples > kMaxSamples) {
     return UsageError("samples " + std::to_string(impl_->options.samples) + ": must be 1 to " +
                       std::to_string(kMaxSamples));

@@ -28,7 +28,7 @@ class ArchiveRenderer : public Renderer {
   ArchiveRenderer(const BakeDomain& domain, int grid_level, std::span<const LayerViews> layers,
                   const PrefilteredEnvironment& environment, const ArchiveRenderOptions& options);
   ~ArchiveRenderer() override;
-  /// Errors: kUsage for a picture size or number of samples out of range, kInterrupted.
+  /// Errors: kUsage for a view that CheckView refuses or a number of samples out of range, kInterrupted.
   Result<Picture> Render(const View& view) override;
 
  private:

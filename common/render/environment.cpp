@@ -44,7 +44,10 @@ glm::vec3 Environment::Direction(float u, float v) {
 }
 
 glm::vec2 Environment::Coordinates(const glm::vec3& d) {
-  return {0.5f + std::atan2(d.z, d.x) / (2 * kPi), 0.5f - std::asin(std::clamp(d.y, -1.0f, 1.0f)) / kPi};
+  const glm::vec2 uv(0.5f + std::atan2(d.z, d.x) / (2 * kPi),
+                     0.5f - std::asin(std::clamp(d.y, -1.0f, 1.0f)) / kPi);
+  // A direction that is none must still name a texel: what follows makes indices of this.
+  return {std::isnan(uv.x) ? 0.5f : uv.x, std::isnan(uv.y) ? 0.5f : uv.y};
 }
 
 Result<Environment> Environment::FromPicture(const Picture& picture, const std::string& name) {
@@ -60,6 +63,9 @@ Result<Environment> Environment::FromPicture(const Picture& picture, const std::
       if (!std::isfinite(texel[c]))
         return BadInput(name + ": pixel (" + std::to_string(i % picture.width) + ", " +
                         std::to_string(i / picture.width) + ") is not finite; clamp or repaint it");
+      if (texel[c] > kMaxRadiance)
+        return BadInput(name + ": pixel (" + std::to_string(i % picture.width) + ", " +
+                        std::to_string(i / picture.width) + ") is brighter than 1e15; clamp or repaint it");
       if (texel[c] < 0) {
         texel[c] = 0;
         ++environment.clamped_;
@@ -174,7 +180,9 @@ float Environment::Pdf(const glm::vec3& d) const {
 }
 
 glm::vec3 RotateForLookup(const glm::vec3& d, float degrees) {
-  const float radians = -degrees * kPi / 180, c = std::cos(radians), s = std::sin(radians);
+  // Whole turns first: they keep the digits of a large angle, and what is no angle turns nothing.
+  const float turn = std::isfinite(degrees) ? std::remainder(degrees, 360.0f) : 0.0f;
+  const float radians = -turn * kPi / 180, c = std::cos(radians), s = std::sin(radians);
   return {c * d.x + s * d.z, d.y, c * d.z - s * d.x};
 }
 

@@ -18,8 +18,12 @@ namespace glint {
 /// u, clamped in v. Turned by r degrees about +Y: look up R_Y(-r) d.
 class Environment {
  public:
-  /// Takes the picture's RGB. kBadInput for a non-finite value (naming its pixel); negative values become 0
-  /// and are counted in clamped(). `name` stands in messages.
+  /// Brighter than any light in any unit; from here up, sums over a picture could overflow.
+  static constexpr float kMaxRadiance = 1e15f;
+
+  /// Takes the picture's RGB. kBadInput for a value that is not finite or above kMaxRadiance (naming its
+  /// pixel): whatever it was meant to be, it would outshine all else. Negative values become 0 and are
+  /// counted in clamped(). `name` stands in messages.
   static Result<Environment> FromPicture(const Picture& picture, const std::string& name);
   static Result<Environment> Load(const std::filesystem::path& path);
   /// Own procedural skies: "studio" (soft boxes), "sunset" (small sun, horizon gradient), "uniform" (radiance
@@ -61,7 +65,8 @@ class Environment {
   std::vector<double> sine_edges_;  ///< height + 1: y of the rows' edges, from +1 down to -1
 };
 
-/// d turned by -degrees about +Y: the direction to look up for an environment turned by `degrees`.
+/// d turned by -degrees about +Y: the direction to look up for an environment turned by `degrees` (none if
+/// that is not finite).
 glm::vec3 RotateForLookup(const glm::vec3& d, float degrees);
 
 /// The same turn for many directions.

@@ -60,6 +60,11 @@ float LinearToSrgb(float linear) {
 
 float SrgbToLinear(float encoded) { return static_cast<float>(SrgbDecode(encoded)); }
 
+Status CheckTone(const ToneMap& tone) {
+  if (tone.exposure > 0 && std::isfinite(tone.exposure)) return {};
+  return UsageError("exposure " + std::to_string(tone.exposure) + ": must be a positive number, such as 1");
+}
+
 glm::vec3 ToneMapped(const glm::vec3& radiance, const ToneMap& tone) {
   glm::vec3 c = radiance * tone.exposure;
   // Written so that NaN fails the comparison; the upper bound keeps infinity / infinity out of the curve
@@ -97,6 +102,7 @@ Status WritePicture(const Picture& picture, const std::filesystem::path& path, c
   if (picture.width <= 0 || picture.height <= 0 ||
       picture.pixels.size() != static_cast<size_t>(picture.width) * picture.height)
     return BadInput(path.string() + ": the picture to write is empty or its size does not match its pixels");
+  GLINT_RETURN_IF_ERROR(CheckTone(tone));
   GLINT_ASSIGN_OR_RETURN(const std::vector<std::byte> bytes, Encode(picture, path, tone, full_float));
   return PublishFile(path, bytes);
 }

@@ -36,6 +36,9 @@ struct ToneMap {
   bool reinhard = true;  ///< global Reinhard x / (1 + x) on luminance; else clamp
 };
 
+/// kUsage unless the exposure is a positive, finite number.
+Status CheckTone(const ToneMap& tone);
+
 /// Linear display value in [0, 1] of a radiance, before the sRGB curve. NaN and negative values become 0.
 glm::vec3 ToneMapped(const glm::vec3& radiance, const ToneMap& tone);
 /// The sRGB transfer curve (IEC 61966-2-1) and its inverse, on [0, 1].
@@ -51,7 +54,8 @@ Result<Picture> ReadPictureFromMemory(std::span<const std::byte> bytes, const st
                                       const PictureLimits& limits = {});
 /// By extension: .exr (half RGBA unless `full_float`; larger values become 65504), .hdr (RGBE, alpha
 /// dropped), .png (tone-mapped 8-bit sRGB, alpha kept). The bytes depend on the picture alone. Published
-/// atomically. kUsage for another extension, kBadInput for an empty picture, kIo.
+/// atomically. kUsage for another extension and for a tone that CheckTone refuses, kBadInput for an
+/// empty picture, kIo.
 Status WritePicture(const Picture& picture, const std::filesystem::path& path, const ToneMap& tone = {},
                     bool full_float = false);
 /// 8-bit grey or RGB(A) PNG as linear 0..1 without tone curve (masks).

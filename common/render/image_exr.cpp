@@ -8,6 +8,8 @@
 #include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfInputFile.h>
 #include <OpenEXR/ImfOutputFile.h>
+#include <OpenEXR/ImfTileDescription.h>
+#include <OpenEXR/ImfVersion.h>
 
 #include <algorithm>
 #include <cmath>
@@ -68,6 +70,117 @@ class MemoryOutput : public Imf::OStream {
   uint64_t position_ = 0;
 };
 
+struct Window {
+  int64_t x, y, width, height;
+};
+
+Window ToWindow(const Imath::Box2i& box) {
+  return {box.min.x, box.min.y, int64_t{box.max.x} - box.min.x + 1, int64_t{box.max.y} - box.min.y + 1};
+}
+
+constexpr size_t kFirstHeader = 8;  ///< after the magic number and the version
+
+/// Whether every attribute of the header at `at` is in the file whole: the library makes room for what an
+/// attribute claims to hold before it looks. An attribute is a name, a type, and the size of its value.
+bool AttributesAreWhole(std::span<const std::byte> bytes, size_t at) {
+  const auto skip_text = [&] {
+    while (at < bytes.size() && bytes[at] != std::byte{0}) ++at;
+    return at++ < bytes.size();
+  };
+  while (at < bytes.size() && bytes[at] != std::byte{0}) {
+    if (!skip_text() || !skip_text() || bytes.size() - at < 4) return false;
+    uint32_t size = 0;
+    std::memcpy(&size, bytes.data() + at, 4);
+    at += 4;
+    if (size > bytes.size() - at) return false;
+    at += size;
+  }
+  return at < bytes.size();
+}
+
+/// The most that a byte of a chunk can become.
+uint64_t LargestExpansion(Imf::Compression compression) {
+  constexpr uint64_t kDeflate = 1032;  // 258 bytes of two bits
+  switch (compression) {
+    case Imf::NO_COMPRESSION:
+      return 1;
+    case Imf::RLE_COMPRESSION:
+      return 64;  // 128 bytes of two
+    case Imf::PIZ_COMPRESSION:
+      return 512;  // 256 values of 16 bits of ten bits
+    case Imf::PXR24_COMPRESSION:
+      return 2 * kDeflate;  // and a quarter of a float is not stored
+    case Imf::B44_COMPRESSION:
+    case Imf::B44A_COMPRESSION:
+      return 16;  // 32 bytes of three
+    case Imf::DWAA_COMPRESSION:
+    case Imf::DWAB_COMPRESSION:
+      return 128 * kDeflate;  // 8 x 8 values of four bytes deflated, or runs deflated
+    default:
+      return kDeflate;
+  }
+}
+
+int64_t LinesPerChunk(Imf::Compression compression) {
+  switch (compression) {
+    case Imf::NO_COMPRESSION:
+    case Imf::RLE_COMPRESSION:
+    case Imf::ZIPS_COMPRESSION:
+      return 1;
+    case Imf::ZIP_COMPRESSION:
+    case Imf::PXR24_COMPRESSION:
+      return 16;
+    case Imf::DWAB_COMPRESSION:
+      return 256;
+    default:
+      return 32;
+  }
+}
+
+/// Whether a file of `size` bytes can hold the pixels that its header promises: eight bytes for the place of
+/// each chunk, eight before its data, and data that expands no further than its compression can.
+bool CanHold(const Imf::Header& header, const Window& data, uint64_t size) {
+  uint64_t pixel_bytes = 0;
+  for (auto c = header.channels().begin(); c != header.channels().end(); ++c)
+    pixel_bytes += c.channel().type == Imf::HALF ? 2 : 4;
+  int64_t chunk_width = data.width, chunk_height = LinesPerChunk(header.compression());
+  if (header.hasTileDescription()) {
+    chunk_width = std::max(1u, header.tileDescription().xSize);
+    chunk_height = std::max(1u, header.tileDescription().ySize);
+  }
+  const auto count = [](int64_t pixels, int64_t chunk) {
+    return static_cast<uint64_t>((pixels + chunk - 1) / chunk);
+  };
+  const uint64_t chunks = count(data.width, chunk_width) * count(data.height, chunk_height);
+  const uint64_t raw = static_cast<uint64_t>(data.width) * static_cast<uint64_t>(data.height) * pixel_bytes;
+  return size / 16 >= chunks && size - 16 * chunks >= raw / LargestExpansion(header.compression());
+}
+
+/// Sizes before memory, from the header alone: opening the file already makes room for its table of chunks.
+Status CheckHeader(std::span<const std::byte> bytes, const std::string& name, const PictureLimits& limits) {
+  int version = 0;
+  if (bytes.size() < kFirstHeader || !AttributesAreWhole(bytes, kFirstHeader))
+    return BadInput(name + ": the OpenEXR header does not end; the file is cut off or damaged");
+  std::memcpy(&version, bytes.data() + 4, 4);
+  MemoryInput input(bytes, name);
+  input.seekg(kFirstHeader);
+  Imf::Header header;
+  header.readFrom(input, version);
+  const Window data = ToWindow(header.dataWindow()), display = ToWindow(header.displayWindow());
+  GLINT_RETURN_IF_ERROR(CheckSize(data.width, data.height, limits, name));
+  GLINT_RETURN_IF_ERROR(CheckSize(display.width, display.height, limits, name));
+  if (!CanHold(header, data, bytes.size()))
+    return BadInput(name + ": " + std::to_string(bytes.size()) + " bytes cannot hold " +
+                    std::to_string(data.width) + " x " + std::to_string(data.height) +
+                    " pixels; the file is cut off or damaged");
+  constexpr int64_t kMaxEmpty = 64, kAlwaysAllowed = int64_t{1} << 24;
+  if (display.width * display.height > std::max(kAlwaysAllowed, kMaxEmpty * data.width * data.height))
+    return LimitExceeded(name + ": a display window of " + std::to_string(display.width) + " x " +
+                         std::to_string(display.height) +
+                         " pixels is nearly empty; crop the picture to what it shows");
+  return {};
+}
+
 /// File channel that fills each of R, G, B, A; empty: not in the file.
 struct ChannelNames {
   const char* name[4];
@@ -88,14 +201,6 @@ Result<ChannelNames> ChooseChannels(const Imf::ChannelList& channels, const std:
     if (*c != 0 && (channels[c].xSampling != 1 || channels[c].ySampling != 1))
       return BadInput(name + ": channel " + c + " is subsampled; save the picture with full-size channels");
   return chosen;
-}
-
-struct Window {
-  int64_t x, y, width, height;
-};
-
-Window ToWindow(const Imath::Box2i& box) {
-  return {box.min.x, box.min.y, int64_t{box.max.x} - box.min.x + 1, int64_t{box.max.y} - box.min.y + 1};
 }
 
 /// Reads the data window, pixels in the order R, G, B, A.
@@ -134,12 +239,11 @@ Picture Place(Picture data, const Window& from, const Window& to) {
 
 Result<Picture> Decode(std::span<const std::byte> bytes, const std::string& name,
                        const PictureLimits& limits) {
+  GLINT_RETURN_IF_ERROR(CheckHeader(bytes, name, limits));
   MemoryInput input(bytes, name);
   Imf::InputFile file(input, 0);
   const Window data = ToWindow(file.header().dataWindow());
   const Window display = ToWindow(file.header().displayWindow());
-  GLINT_RETURN_IF_ERROR(CheckSize(data.width, data.height, limits, name));
-  GLINT_RETURN_IF_ERROR(CheckSize(display.width, display.height, limits, name));
   GLINT_ASSIGN_OR_RETURN(const ChannelNames names, ChooseChannels(file.header().channels(), name));
   return Place(ReadDataWindow(file, names), data, display);
 }

@@ -14,12 +14,28 @@ namespace {
 constexpr double kEpsilonShare = 0.1;
 constexpr double kMaxPsnr = 200;  ///< stands for "identical"
 
-Status CheckSame(const Picture& test, const Picture& reference, const char* what) {
+Status CheckSameSize(const Picture& test, const Picture& reference, const std::string& what) {
   if (test.width == reference.width && test.height == reference.height && test.width > 0 && test.height > 0)
     return {};
-  return BadInput(std::string(what) + ": sizes differ or are empty (" + std::to_string(test.width) + " x " +
+  return BadInput(what + ": sizes differ or are empty (" + std::to_string(test.width) + " x " +
                   std::to_string(test.height) + " against " + std::to_string(reference.width) + " x " +
                   std::to_string(reference.height) + "); render both pictures with one --size");
+}
+
+Status CheckFinite(const Picture& picture, const std::string& what) {
+  for (size_t i = 0; i < picture.pixels.size(); ++i) {
+    const glm::vec4& p = picture.pixels[i];
+    if (std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z) && std::isfinite(p.w)) continue;
+    return BadInput(what + ": pixel (" + std::to_string(i % picture.width) + ", " +
+                    std::to_string(i / picture.width) + ") is not finite; make the picture again");
+  }
+  return {};
+}
+
+Status CheckComparable(const Picture& test, const Picture& reference, const std::string& what) {
+  GLINT_RETURN_IF_ERROR(CheckSameSize(test, reference, what));
+  GLINT_RETURN_IF_ERROR(CheckFinite(test, what + ": the picture to judge"));
+  return CheckFinite(reference, what + ": the reference");
 }
 
 /// Pixels that count: the mask's, else the covered ones, else all.
@@ -44,18 +60,18 @@ Cells Gather(const Picture& test, const Picture& reference, const std::vector<bo
   Cells cells;
   for (int by = 0; by < reference.height; by += block)
     for (int bx = 0; bx < reference.width; bx += block) {
-      glm::vec3 t(0), r(0);
+      glm::dvec3 t(0), r(0);  // sums of floats that are only just finite
       int n = 0;
       for (int y = by; y < std::min(by + block, reference.height); ++y)
         for (int x = bx; x < std::min(bx + block, reference.width); ++x) {
           if (!counted[static_cast<size_t>(y) * reference.width + x]) continue;
-          t += glm::vec3(test.at(x, y));
-          r += glm::vec3(reference.at(x, y));
+          t += glm::dvec3(test.at(x, y));
+          r += glm::dvec3(reference.at(x, y));
           ++n;
         }
       if (n == 0) continue;
-      cells.test.push_back(t / static_cast<float>(n));
-      cells.reference.push_back(r / static_cast<float>(n));
+      cells.test.emplace_back(t / static_cast<double>(n));
+      cells.reference.emplace_back(r / static_cast<double>(n));
     }
   return cells;
 }
@@ -112,7 +128,7 @@ std::vector<glm::vec3> Display(const Picture& picture, const ToneMap& tone) {
   return display;
 }
 
-/// Dark blue over violet, red and orange to pale yellow; lightness rises evenly. t in [0, 1], linear RGB.
+/// Dark blue over violet, red and orange to pale yellow; lightness rises evenly. t in [0, 1], sRGB.
 glm::vec3 HeatColor(float t) {
   static constexpr std::array<std::array<float, 3>, 7> kSrgb{{{0.01f, 0.01f, 0.06f},
                                                               {0.16f, 0.06f, 0.38f},
@@ -125,16 +141,16 @@ glm::vec3 HeatColor(float t) {
   const size_t i = std::min(static_cast<size_t>(x), kSrgb.size() - 2);
   const float f = x - static_cast<float>(i);
   glm::vec3 color;
-  for (size_t c = 0; c < 3; ++c)
-    color[static_cast<int>(c)] = SrgbToLinear(kSrgb[i][c] * (1 - f) + kSrgb[i + 1][c] * f);
+  for (size_t c = 0; c < 3; ++c) color[static_cast<int>(c)] = kSrgb[i][c] * (1 - f) + kSrgb[i + 1][c] * f;
   return color;
 }
 
 }  // namespace
 
 Result<Comparison> Compare(const Picture& test, const Picture& reference, const CompareOptions& options) {
-  GLINT_RETURN_IF_ERROR(CheckSame(test, reference, "comparison"));
-  if (options.mask != nullptr) GLINT_RETURN_IF_ERROR(CheckSame(*options.mask, reference, "mask"));
+  GLINT_RETURN_IF_ERROR(CheckComparable(test, reference, "comparison"));
+  if (options.mask != nullptr) GLINT_RETURN_IF_ERROR(CheckSameSize(*options.mask, reference, "mask"));
+  GLINT_RETURN_IF_ERROR(CheckTone(options.tone));
   if (options.block < 1) return UsageError("comparison: the block's side must be at least 1");
   const std::vector<bool> counted = Counted(reference, options.mask);
   const Cells cells = Gather(test, reference, counted, options.block);
@@ -152,17 +168,20 @@ Result<Comparison> Compare(const Picture& test, const Picture& reference, const 
 }
 
 Result<std::vector<float>> FlipMap(const Picture& test, const Picture& reference, const ToneMap& tone) {
-  GLINT_RETURN_IF_ERROR(CheckSame(test, reference, "FLIP"));
+  GLINT_RETURN_IF_ERROR(CheckComparable(test, reference, "FLIP"));
+  GLINT_RETURN_IF_ERROR(CheckTone(tone));
   return Flip(Display(test, tone), Display(reference, tone), reference.width, reference.height,
               kFlipPixelsPerDegree);
 }
 
-Result<Picture> FalseColorDifference(const Picture& test, const Picture& reference) {
-  GLINT_RETURN_IF_ERROR(CheckSame(test, reference, "difference picture"));
-  const std::vector<bool> counted = Counted(reference, nullptr);
+Result<Picture> FalseColorDifference(const Picture& test, const Picture& reference, const Picture* mask) {
+  GLINT_RETURN_IF_ERROR(CheckComparable(test, reference, "difference picture"));
+  if (mask != nullptr) GLINT_RETURN_IF_ERROR(CheckSameSize(*mask, reference, "mask"));
+  const std::vector<bool> counted = Counted(reference, mask);
   const double eps = Epsilon(MeanChannel(Gather(test, reference, counted, 1).reference));
   Picture picture(reference.width, reference.height);
   for (size_t i = 0; i < picture.pixels.size(); ++i) {
+    if (mask != nullptr && !counted[i]) continue;
     double sum = 0;
     for (int c = 0; c < 3; ++c) {
       const double t = test.pixels[i][c], r = reference.pixels[i][c];

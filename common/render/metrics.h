@@ -19,11 +19,16 @@ struct CompareOptions {
   ToneMap tone;
 };
 
-/// Pictures of one size. kBadInput otherwise.
+/// Pictures of one size, all of whose pixels are finite. kBadInput otherwise (naming the first pixel that is
+/// not): no measure means anything then. kUsage for a tone that CheckTone refuses. FLIP filters the full
+/// pictures and is averaged over the counted pixels, whatever `block` is, and `pixels` counts before
+/// averaging.
 Result<Comparison> Compare(const Picture& test, const Picture& reference, const CompareOptions& options = {});
 /// Per-pixel LDR-FLIP error in [0, 1] of two tone-mapped pictures.
 Result<std::vector<float>> FlipMap(const Picture& test, const Picture& reference, const ToneMap& tone = {});
-/// False-colour picture of |t - r| / (r + eps), with a perceptual map; values already in display space.
-Result<Picture> FalseColorDifference(const Picture& test, const Picture& reference);
+/// False-colour picture of |t - r| / (r + eps), with a perceptual map; values already in display space
+/// (sRGB). With a mask, pixels that it does not count are black with alpha 0, and do not count towards eps.
+Result<Picture> FalseColorDifference(const Picture& test, const Picture& reference,
+                                     const Picture* mask = nullptr);
 
 }  // namespace glint

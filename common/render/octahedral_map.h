@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/vec2.hpp>
@@ -31,7 +32,8 @@ class OctahedralMap {
   /// Value at a position of OctahedralFromDirection.
   Float4 Interpolated(const glm::vec2& p) const {
     const float half = 0.5f * static_cast<float>(side_);
-    const float x = p.x * half + half, y = p.y * half + half;
+    // In this order of arguments max also makes 0 of what is not a number: it must not become an index.
+    const float x = std::max(0.0f, p.x * half + half), y = std::max(0.0f, p.y * half + half);
     const int ix = std::min(static_cast<int>(x), side_ - 1), iy = std::min(static_cast<int>(y), side_ - 1);
     float fx = x - static_cast<float>(ix), fy = y - static_cast<float>(iy);
     // The corner that the triangle's legs leave from, and the steps along them. Cells are cut along the

@@ -237,11 +237,7 @@ class PathTracer {
 };
 
 Status CheckOptions(const View& view, const BakeDomain* domain, const ReferenceOptions& options) {
-  if (view.width < 1 || view.height < 1 || view.width > PictureLimits{}.side ||
-      view.height > PictureLimits{}.side) {
-    return UsageError("picture size " + std::to_string(view.width) + "x" + std::to_string(view.height) +
-                      ": each side must be 1 to " + std::to_string(PictureLimits{}.side));
-  }
+  GLINT_RETURN_IF_ERROR(CheckView(view));
   if (options.samples < 2 || options.samples % 2 != 0 || options.samples > kMaxSamples) {
     return UsageError("samples " + std::to_string(options.samples) + ": must be even and from 2 to " +
                       std::to_string(kMaxSamples));

@@ -30,7 +30,7 @@ struct ReferenceResult {
 /// Path tracer: BRDF sampling and environment sampling joined by the balance heuristic; no Russian roulette
 /// up to `bounces`; deterministic for any number of threads. Single-sided surfaces are black from behind; all
 /// block light. Normals whose mirror direction would fall below the face are bent back (as shared conventions
-/// state).
+/// state). kUsage for a view that CheckView refuses and for options out of range, kInterrupted.
 Result<ReferenceResult> RenderReference(const Scene& scene, const RayScene& rays, const BakeDomain* domain,
                                         const Environment& environment, const View& view,
                                         const ReferenceOptions& options);

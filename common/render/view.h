@@ -1,7 +1,9 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
+#include "common/base/status.h"
 #include "common/render/image.h"
 #include "common/scene/scene.h"
 
@@ -19,7 +21,15 @@ struct View {
   Background background = Background::kBlack;
 };
 
-/// Generates primary rays of a view.
+/// Whether a picture can be made of the view: 1 to 32768 pixels a side and at most 2^28 in all; a field of
+/// view in (0, pi); a finite turn of the environment; an eye within kMaxEye, and finite directions. kUsage
+/// naming the remedy. Renderers ask this first.
+Status CheckView(const View& view);
+
+/// `v` made unit, whatever its length; no value where it has no direction: it is zero or not finite.
+std::optional<glm::vec3> UnitDirection(const glm::vec3& v);
+
+/// Generates primary rays of a view that CheckView accepts.
 class PrimaryRays {
  public:
   explicit PrimaryRays(const View& view);

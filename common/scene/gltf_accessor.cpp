@@ -120,6 +120,10 @@ Result<Layout> CheckLayout(const GltfDocument& document, GltfBytes& bytes, int v
   return Layout{view->data() + offset, stride};
 }
 
+/// Elements of an accessor that has no bytes in the file: an array in the making, of which a sparse accessor
+/// replaces a part. A few bytes may not ask for much memory.
+constexpr uint64_t kMaxElementsWithoutBytes = uint64_t{1} << 20;
+
 struct Checked {
   const tinygltf::Accessor* accessor;
   int components, component_bytes;
@@ -139,6 +143,11 @@ Result<Checked> CheckAccessor(const GltfDocument& document, int index, const std
     return LimitExceeded(object + ": " + std::to_string(accessor->count) +
                          " elements, more than the limit of " + std::to_string(max_count) +
                          "; simplify the scene");
+  }
+  if (accessor->bufferView < 0 && accessor->count > kMaxElementsWithoutBytes) {
+    return LimitExceeded(object + ": " + std::to_string(accessor->count) +
+                         " elements without a bufferView, more than the limit of " +
+                         std::to_string(kMaxElementsWithoutBytes) + "; export the file again");
   }
   return checked;
 }
@@ -178,10 +187,13 @@ Result<Sparse> CheckSparse(const GltfDocument& document, GltfBytes& bytes, const
   return result;
 }
 
-// Reads all elements by load(bytes of one component) into `values`; zeros where there is no buffer view.
+// Reads the wanted elements by load(bytes of one component) into `values`; zeros where there is no buffer
+// view.
+// @param wanted ascending, each below the accessor's count; null: all
 template <class T, class LoadComponent>
 Status ReadElements(const GltfDocument& document, GltfBytes& bytes, const Checked& checked,
-                    const std::string& object, LoadComponent load, std::vector<T>& values) {
+                    const std::string& object, const std::vector<uint32_t>* wanted, LoadComponent load,
+                    std::vector<T>& values) {
   const tinygltf::Accessor& accessor = *checked.accessor;
   const auto copy = [&](const std::byte* from, uint64_t to) {
     for (int c = 0; c < checked.components; ++c) {
@@ -195,12 +207,19 @@ Status ReadElements(const GltfDocument& document, GltfBytes& bytes, const Checke
         layout, CheckLayout(document, bytes, accessor.bufferView, accessor.byteOffset, accessor.count,
                             checked.element_bytes(), checked.component_bytes, object));
   }
-  values.assign(accessor.count * checked.components, T{0});
+  const uint64_t count = wanted ? wanted->size() : accessor.count;
+  values.assign(count * checked.components, T{0});
   if (layout.data) {
-    for (uint64_t i = 0; i < accessor.count; ++i) copy(layout.data + i * layout.stride, i);
+    for (uint64_t i = 0; i < count; ++i) copy(layout.data + (wanted ? (*wanted)[i] : i) * layout.stride, i);
   }
   for (size_t i = 0; i < sparse.targets.size(); ++i) {
-    copy(sparse.values.data + i * sparse.values.stride, sparse.targets[i]);
+    uint64_t to = sparse.targets[i];
+    if (wanted) {
+      const auto it = std::lower_bound(wanted->begin(), wanted->end(), sparse.targets[i]);
+      if (it == wanted->end() || *it != sparse.targets[i]) continue;
+      to = static_cast<uint64_t>(it - wanted->begin());
+    }
+    copy(sparse.values.data + i * sparse.values.stride, to);
   }
   return {};
 }
@@ -218,7 +237,7 @@ Result<const tinygltf::Accessor*> FindAccessor(const GltfDocument& document, int
 
 Result<FloatArray> ReadFloats(const GltfDocument& document, GltfBytes& bytes, int index,
                               const std::string& object, int min_components, int max_components,
-                              uint64_t max_count) {
+                              uint64_t max_count, const std::vector<uint32_t>* wanted) {
   GLINT_ASSIGN_OR_RETURN(const Checked checked, CheckAccessor(document, index, object, max_count));
   if (checked.components < min_components || checked.components > max_components) {
     return BadInput(object + ": has " + std::to_string(checked.components) + " components, not " +
@@ -228,13 +247,13 @@ Result<FloatArray> ReadFloats(const GltfDocument& document, GltfBytes& bytes, in
   const int type = checked.accessor->componentType;
   const bool normalized = checked.accessor->normalized;
   GLINT_RETURN_IF_ERROR(ReadElements(
-      document, bytes, checked, object, [&](const std::byte* at) { return LoadFloat(at, type, normalized); },
-      array.values));
+      document, bytes, checked, object, wanted,
+      [&](const std::byte* at) { return LoadFloat(at, type, normalized); }, array.values));
   const auto bad =
       std::find_if(array.values.begin(), array.values.end(), [](float v) { return !std::isfinite(v); });
   if (bad != array.values.end()) {
-    return BadInput(object + ": element " +
-                    std::to_string((bad - array.values.begin()) / checked.components) +
+    const auto element = static_cast<size_t>(bad - array.values.begin()) / checked.components;
+    return BadInput(object + ": element " + std::to_string(wanted ? (*wanted)[element] : element) +
                     " is not a finite number; repair the mesh and export it again");
   }
   return array;
@@ -249,7 +268,8 @@ Result<std::vector<uint32_t>> ReadIndices(const GltfDocument& document, GltfByte
   }
   std::vector<uint32_t> values;
   GLINT_RETURN_IF_ERROR(ReadElements(
-      document, bytes, checked, object, [&](const std::byte* at) { return LoadIndex(at, type); }, values));
+      document, bytes, checked, object, nullptr, [&](const std::byte* at) { return LoadIndex(at, type); },
+      values));
   return values;
 }
 

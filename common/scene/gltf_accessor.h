@@ -20,10 +20,12 @@ struct FloatArray {
 /// Reads accessors[index] with every bound checked in 64 bits, sparse substitutions applied, all values
 /// finite.
 /// @param object what asks for it ("meshes[2].primitives[0].attributes.NORMAL"), for messages
-/// @param max_count most elements to accept (kLimit beyond)
+/// @param max_count most elements to accept (kLimit beyond); an accessor without a buffer view, which is
+/// zeros that take no bytes of the file, may have 2^20
+/// @param wanted the elements to read, ascending; null: all
 Result<FloatArray> ReadFloats(const GltfDocument& document, GltfBytes& bytes, int index,
                               const std::string& object, int min_components, int max_components,
-                              uint64_t max_count);
+                              uint64_t max_count, const std::vector<uint32_t>* wanted);
 
 /// The same for unsigned scalars: triangle indices.
 Result<std::vector<uint32_t>> ReadIndices(const GltfDocument& document, GltfBytes& bytes, int index,

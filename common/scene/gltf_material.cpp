@@ -157,7 +157,11 @@ class MaterialReader {
     return uint32_t{used};
   }
 
-  void Note(const std::string& what) { scene_.notes.push_back(object_ + ": " + what); }
+  /// Once, where several components of a colour give the same one.
+  void Note(const std::string& what) {
+    std::string note = object_ + ": " + what;
+    if (scene_.notes.empty() || scene_.notes.back() != note) scene_.notes.push_back(std::move(note));
+  }
 
   const GltfDocument& document_;
   GltfBytes& bytes_;

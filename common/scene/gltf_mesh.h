@@ -22,6 +22,12 @@ struct MeshCounts {
   uint64_t skipped_primitives = 0;  ///< points and lines
 };
 
+/// What the primitives still to come may take of the scene's limits, as they stand in the file (before
+/// instancing). Charged before memory is given, so that many primitives that name one array pay each time.
+struct MeshBudget {
+  uint64_t vertices, triangles;
+};
+
 /// One primitive in its mesh's space: triangles that have an area, over vertices that they all use. All
 /// arrays have one element a vertex.
 struct MeshPart {
@@ -32,9 +38,10 @@ struct MeshPart {
   int material = -1;
 };
 
-/// Reads meshes[mesh].primitives[primitive]; no triangles for points and lines.
+/// Reads meshes[mesh].primitives[primitive] (the vertices that it uses alone); no triangles for points and
+/// lines. kLimit when the budget does not allow it.
 /// @param uv_set which TEXCOORD_n the material's textures use
 Result<MeshPart> ReadPrimitive(const GltfDocument& document, GltfBytes& bytes, size_t mesh, size_t primitive,
-                               int uv_set, const SceneLimits& limits, MeshCounts& counts);
+                               int uv_set, const SceneLimits& limits, MeshBudget& budget, MeshCounts& counts);
 
 }  // namespace glint

@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "common/base/files.h"
+#include "common/scene/bounds.h"
 #include "common/scene/gltf_document.h"
 #include "common/scene/gltf_material.h"
 #include "common/scene/gltf_mesh.h"
@@ -83,13 +84,17 @@ class Loader {
       : document_(document),
         model_(document.model),
         bytes_(document, std::move(folder), limits.file_bytes),
-        limits_(limits) {}
+        limits_(limits),
+        budget_{limits.vertices, limits.triangles} {}
 
   Result<Scene> Load() {
     GLINT_RETURN_IF_ERROR(CheckExtensions(model_, scene_));
     GLINT_RETURN_IF_ERROR(ReadMaterials(document_, bytes_, limits_, scene_, uv_sets_));
     GLINT_ASSIGN_OR_RETURN(const std::vector<NodeVisit> visits, WalkNodes());
-    for (const NodeVisit& visit : visits) ++uses_[model_.nodes[visit.node].mesh];
+    for (const NodeVisit& visit : visits) {
+      ++uses_[model_.nodes[visit.node].mesh];
+      if (HasVolume(visit)) ++instances_[model_.nodes[visit.node].mesh];
+    }
     for (const NodeVisit& visit : visits) {
       const std::string object = "nodes[" + std::to_string(visit.node) + "]";
       GLINT_RETURN_IF_ERROR(AddCamera(visit, object));
@@ -176,18 +181,22 @@ class Loader {
       scene_.notes.push_back(object + ": its orthographic camera is ignored");
       return {};
     }
-    const double fov = from.perspective.yfov;
+    const auto fov = static_cast<float>(from.perspective.yfov);
     const glm::dvec3 forward = -glm::dvec3(visit.to_world[2]), up = glm::dvec3(visit.to_world[1]);
-    if (!(fov > 0 && fov < std::numbers::pi) || !(glm::length(forward) > 0) || !(glm::length(up) > 0)) {
+    if (!(fov > 0 && fov < std::numbers::pi_v<float>) || !(glm::length(forward) > 0) ||
+        !(glm::length(up) > 0)) {
       return BadInput(object + ".camera: its field of view or transform is not usable; correct the camera");
     }
     Camera camera;
     camera.name = from.name.empty() ? node.name : from.name;
     if (camera.name.empty()) camera.name = "camera" + std::to_string(scene_.cameras.size());
     camera.eye = glm::vec3(glm::dvec3(visit.to_world[3]));
+    if (!Within(camera.eye, kMaxEye)) {
+      return BadInput(object + ".camera: is farther than 1e17 from the origin; scale the scene down");
+    }
     camera.forward = glm::vec3(glm::normalize(forward));
     camera.up = glm::vec3(glm::normalize(up));
-    camera.vertical_fov = static_cast<float>(fov);
+    camera.vertical_fov = fov;
     scene_.cameras.push_back(camera);
     return {};
   }
@@ -201,11 +210,11 @@ class Loader {
     }
     has_skin_ = has_skin_ || model_.nodes[visit.node].skin >= 0;
     if (!parts_.contains(mesh)) GLINT_RETURN_IF_ERROR(ReadMesh(mesh));
-    const glm::dmat3 linear(visit.to_world);
-    if (glm::determinant(linear) == 0) {
+    const std::string place = object + " (meshes[" + std::to_string(mesh) + "])";
+    if (!HasVolume(visit)) {
       scene_.notes.push_back(object + ": its scale is zero, it is left out");
     } else {
-      for (const MeshPart& part : parts_[mesh]) GLINT_RETURN_IF_ERROR(AddPart(part, visit.to_world, object));
+      for (const MeshPart& part : parts_[mesh]) GLINT_RETURN_IF_ERROR(AddPart(part, visit.to_world, place));
     }
     if (--uses_[mesh] == 0) parts_.erase(mesh);
     return {};
@@ -223,27 +232,28 @@ class Loader {
       }
       const int uv_set = material >= 0 ? uv_sets_[material] : 0;
       GLINT_ASSIGN_OR_RETURN(MeshPart part,
-                             ReadPrimitive(document_, bytes_, mesh, i, uv_set, limits_, counts_));
-      held_vertices_ += part.positions.size();
-      if (held_vertices_ > limits_.vertices) return TooLarge("meshes[" + std::to_string(mesh) + "]");
+                             ReadPrimitive(document_, bytes_, mesh, i, uv_set, limits_, budget_, counts_));
+      // All instances at once, before the first takes memory.
+      scene_vertices_ += part.positions.size() * instances_[mesh];
+      scene_triangles_ += part.triangles.size() * instances_[mesh];
+      if (scene_vertices_ > limits_.vertices || scene_vertices_ >= kNone ||
+          scene_triangles_ > limits_.triangles) {
+        return LimitExceeded("meshes[" + std::to_string(mesh) + "]: with its " +
+                             std::to_string(instances_[mesh]) + " instances the scene has more than " +
+                             std::to_string(limits_.vertices) + " vertices or " +
+                             std::to_string(limits_.triangles) + " triangles; simplify it");
+      }
       if (!part.triangles.empty()) parts.push_back(std::move(part));
     }
     parts_[mesh] = std::move(parts);
     return {};
   }
 
-  Status TooLarge(const std::string& object) const {
-    return LimitExceeded(object + ": the scene has more than " + std::to_string(limits_.vertices) +
-                         " vertices or " + std::to_string(limits_.triangles) + " triangles; simplify it");
-  }
+  // A node of zero scale is left out.
+  static bool HasVolume(const NodeVisit& visit) { return glm::determinant(glm::dmat3(visit.to_world)) != 0; }
 
   Status AddPart(const MeshPart& part, const glm::dmat4& to_world, const std::string& object) {
     const uint64_t first = scene_.positions.size();
-    if (first + part.positions.size() > limits_.vertices ||
-        scene_.triangles.size() + part.triangles.size() > limits_.triangles ||
-        first + part.positions.size() >= kNone) {
-      return TooLarge(object);
-    }
     GLINT_RETURN_IF_ERROR(AddVertices(part, to_world, object));
     const uint16_t material = part.material >= 0 ? static_cast<uint16_t>(part.material) : DefaultMaterial();
     const bool mirrored = glm::determinant(glm::dmat3(to_world)) < 0;
@@ -269,11 +279,8 @@ class Loader {
         const double length = glm::length(normal);
         normal = length > 0 && std::isfinite(length) ? normal / length : glm::dvec3(0, 1, 0);
       }
-      for (int c = 0; c < 3; ++c) {
-        if (!std::isfinite(position[c])) {
-          return BadInput(object +
-                          ": moves vertices beyond what single precision holds; scale the scene down");
-        }
+      if (!Within(position, kMaxCoordinate)) {
+        return BadInput(object + ": puts a vertex farther than 1e15 from the origin; scale the scene down");
       }
       scene_.positions.push_back(position);
       scene_.normals.push_back(identity ? part.normals[i] : glm::vec3(normal));
@@ -311,10 +318,12 @@ class Loader {
   GltfBytes bytes_;
   const SceneLimits& limits_;
   Scene scene_;
-  std::vector<int> uv_sets_;                    // by material
-  std::map<int, std::vector<MeshPart>> parts_;  // by mesh, while instances of it are still to come
-  std::map<int, uint64_t> uses_;                // by mesh
-  uint64_t held_vertices_ = 0;                  // of all meshes read
+  std::vector<int> uv_sets_;                           // by material
+  std::map<int, std::vector<MeshPart>> parts_;         // by mesh, while instances of it are still to come
+  std::map<int, uint64_t> uses_;                       // by mesh
+  std::map<int, uint64_t> instances_;                  // by mesh: uses that are not left out
+  MeshBudget budget_;                                  // of meshes as the file has them
+  uint64_t scene_vertices_ = 0, scene_triangles_ = 0;  // of all instances of the meshes read
   MeshCounts counts_;
   std::optional<uint16_t> default_material_;
   bool has_skin_ = false;

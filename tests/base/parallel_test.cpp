@@ -5,6 +5,8 @@
 
 #include <atomic>
 #include <limits>
+#include <new>
+#include <stdexcept>
 #include <vector>
 
 namespace glint {
@@ -37,6 +39,35 @@ TEST(ParallelForTest, Nests) {
   std::atomic<int> visits{0};
   ParallelFor(4, 3, 1, [&](size_t, int) { ParallelFor(5, 2, 1, [&](size_t, int) { ++visits; }); });
   EXPECT_EQ(visits, 20);
+}
+
+TEST(ParallelForTest, AnExceptionOfAnyThreadReachesTheCaller) {
+  for (const int threads : {1, 2, 5}) {
+    EXPECT_THROW(ParallelFor(100, threads, 1, [](size_t, int) { throw std::bad_alloc(); }), std::bad_alloc);
+    // Of the helpers alone: this thread waits until one of them has failed.
+    if (threads == 1) continue;
+    std::atomic<bool> failed{false};
+    EXPECT_THROW(ParallelFor(100, threads, 1,
+                             [&](size_t, int thread) {
+                               if (thread > 0) {
+                                 failed = true;
+                                 throw std::runtime_error("of a helper");
+                               }
+                               while (!failed) sched_yield();
+                             }),
+                 std::runtime_error);
+  }
+}
+
+TEST(ParallelForTest, NothingIsStartedAfterAnException) {
+  std::atomic<int> visits{0};
+  EXPECT_THROW(ParallelFor(1000, 1, 1,
+                           [&](size_t i, int) {
+                             ++visits;
+                             if (i == 3) throw std::bad_alloc();
+                           }),
+               std::bad_alloc);
+  EXPECT_EQ(visits, 4);
 }
 
 TEST(ResolveThreadCountTest, IsTheRequestOrTheCoresOfThisProcess) {

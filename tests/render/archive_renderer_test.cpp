@@ -15,6 +15,7 @@
 
 #include "common/archive/lobe_codec.h"
 #include "common/render/reference.h"
+#include "common/scene/bounds.h"
 #include "common/scene/generate.h"
 
 namespace glint {
@@ -251,6 +252,17 @@ TEST_F(ArchiveRendererTest, RefusesSizesAndSamplesOutOfRange) {
   EXPECT_EQ(none.Render(view_).status().kind(), ErrorKind::kUsage);
   ArchiveRenderer renderer(domain_, kGridLevel, layers_, sky, {});
   view_.height = 0;
+  EXPECT_EQ(renderer.Render(view_).status().kind(), ErrorKind::kUsage);
+}
+
+TEST_F(ArchiveRendererTest, FarCamerasAreRefusedBeforeTheRayTracerStopsTheProcess) {
+  UseSphere(Matt());
+  AddDirectLayer(std::nullopt);
+  const PrefilteredEnvironment sky(Sky("uniform", 64), 1);
+  ArchiveRenderer renderer(domain_, kGridLevel, layers_, sky, {});
+  view_.camera.eye = {kMaxEye, -kMaxEye, kMaxEye};
+  EXPECT_TRUE(renderer.Render(view_).ok());
+  view_.camera.eye = {1e19f, 0, 0};
   EXPECT_EQ(renderer.Render(view_).status().kind(), ErrorKind::kUsage);
 }
 

@@ -64,6 +64,10 @@ TEST(EnvironmentTest, BadValues) {
   const auto refused = Environment::FromPicture(picture, "e");
   EXPECT_EQ(refused.status().kind(), ErrorKind::kBadInput);
   EXPECT_NE(refused.status().message().find("(2, 0)"), std::string::npos);
+  picture.at(2, 0).z = 3e38f;  // finite, but no sum over it would be
+  const auto bright = Environment::FromPicture(picture, "e");
+  EXPECT_EQ(bright.status().kind(), ErrorKind::kBadInput);
+  EXPECT_NE(bright.status().message().find("(2, 0)"), std::string::npos);
   EXPECT_FALSE(Environment::FromPicture(Picture(), "e").ok());
   EXPECT_EQ(Environment::Open("procedural:moon").status().kind(), ErrorKind::kUsage);
 }
@@ -82,6 +86,20 @@ TEST(EnvironmentTest, TurningMovesTheLightAboutY) {
   EXPECT_LT(glm::length(RotateForLookup({0, 0, -1}, 90) - glm::vec3(1, 0, 0)), 1e-6f);
   const glm::vec3 sun = Environment::Direction(0.5f - 50.0f / 360, 0.5f - 9.0f / 180);
   EXPECT_GT(environment.Radiance(sun).x, 20 * environment.Radiance(RotateForLookup(sun, 90)).x);
+}
+
+TEST(EnvironmentTest, LookUpsAreSafeWithWhatIsNoDirectionOrAngle) {
+  const Environment environment = OneTexel(0, 3);
+  const float nan = std::numeric_limits<float>::quiet_NaN(),
+              infinite = std::numeric_limits<float>::infinity();
+  for (const glm::vec3& d : {glm::vec3(nan), glm::vec3(1, nan, 0), glm::vec3(nan, 1, 0), glm::vec3(0),
+                             glm::vec3(infinite), glm::vec3(0, -infinite, infinite)}) {
+    EXPECT_TRUE(std::isfinite(environment.Radiance(d).x));
+    EXPECT_TRUE(std::isfinite(environment.Pdf(d)));
+  }
+  const glm::vec3 d(0.6f, 0, 0.8f);
+  for (const float degrees : {nan, infinite, -infinite}) EXPECT_EQ(RotateForLookup(d, degrees), d);
+  EXPECT_LT(glm::length(RotateForLookup(d, 360e6f + 64) - RotateForLookup(d, 64)), 1e-6f);
 }
 
 TEST(EnvironmentTest, ProceduralSkiesAreFiniteAndLit) {

@@ -7,8 +7,10 @@
 #include <OpenEXR/ImfTiledOutputFile.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <limits>
 
 #include "common/base/files.h"
@@ -216,6 +218,74 @@ TEST(ImageTest, LimitsComeBeforeMemory) {
   EXPECT_EQ(huge.status().kind(), ErrorKind::kLimit);
 }
 
+/// Puts other windows into the header of an EXR file.
+void PatchWindow(std::vector<std::byte>& bytes, const std::string& attribute, int width, int height) {
+  const std::string key = attribute + std::string("\0box2i\0", 7);
+  const auto at = std::search(bytes.begin(), bytes.end(), key.begin(), key.end(),
+                              [](std::byte b, char c) { return b == static_cast<std::byte>(c); });
+  ASSERT_NE(at, bytes.end());
+  const int32_t box[4] = {0, 0, width - 1, height - 1};
+  std::memcpy(&*at + key.size() + 4, box, sizeof box);
+}
+
+TEST(ImageTest, ASmallExrCannotAskForMuchMemory) {
+  for (const Imf::Compression compression :
+       {Imf::NO_COMPRESSION, Imf::RLE_COMPRESSION, Imf::ZIPS_COMPRESSION, Imf::ZIP_COMPRESSION,
+        Imf::PIZ_COMPRESSION, Imf::PXR24_COMPRESSION, Imf::B44_COMPRESSION, Imf::B44A_COMPRESSION,
+        Imf::DWAA_COMPRESSION, Imf::DWAB_COMPRESSION}) {
+    for (const bool tiled : {false, true}) {
+      const TemporaryPath path("plain.exr");
+      constexpr int kWidth = 1024, kHeight = 600;
+      Imf::Header header(kWidth, kHeight);
+      header.compression() = compression;
+      std::vector<Imath::half> values(size_t{kWidth} * kHeight, Imath::half(0.5f));
+      Imf::FrameBuffer buffer;
+      for (const char* c : {"R", "G", "B", "A"}) {
+        header.channels().insert(c, Imf::Channel(Imf::HALF));
+        buffer.insert(c, Imf::Slice::Make(Imf::HALF, values.data(), header.dataWindow()));
+      }
+      if (tiled) {
+        header.setTileDescription(Imf::TileDescription(256, 256, Imf::ONE_LEVEL));
+        Imf::TiledOutputFile file(path.get().c_str(), header);
+        file.setFrameBuffer(buffer);
+        file.writeTiles(0, file.numXTiles() - 1, 0, file.numYTiles() - 1);
+      } else {
+        Imf::OutputFile file(path.get().c_str(), header);
+        file.setFrameBuffer(buffer);
+        file.writePixels(kHeight);
+      }
+      // What compresses best must still be read ...
+      std::vector<std::byte> bytes = ReadFile(path.get(), 1 << 25).value();
+      const auto read = ReadPictureFromMemory(bytes, "plain.exr");
+      ASSERT_TRUE(read.ok()) << read.status().message();
+      EXPECT_NEAR(read->at(700, 500).y, 0.5f, 0.01f);
+      // ... and a header that promises far more must not.
+      for (const char* window : {"dataWindow", "displayWindow"}) PatchWindow(bytes, window, 16384, 16384);
+      bytes.resize(std::min<size_t>(bytes.size(), 3000));
+      const auto refused = ReadPictureFromMemory(bytes, "plain.exr");
+      EXPECT_EQ(refused.status().kind(), ErrorKind::kBadInput) << compression;
+      EXPECT_NE(refused.status().message().find("cannot hold 16384 x 16384 pixels"), std::string::npos)
+          << refused.status().message();
+    }
+  }
+}
+
+TEST(ImageTest, ExrHeadersAreNotTakenAtTheirWord) {
+  const TemporaryPath path("header.exr");
+  ASSERT_TRUE(WritePicture(RandomPicture(24, 12), path.get()).ok());
+  const std::vector<std::byte> good = ReadFile(path.get(), 1 << 20).value();
+  std::vector<std::byte> bytes = good;
+  PatchWindow(bytes, "displayWindow", 16384, 8192);
+  EXPECT_EQ(ReadPictureFromMemory(bytes, "e").status().kind(), ErrorKind::kLimit);
+  // An attribute of two gigabytes in front of the others.
+  const std::string text("note\0string\0\xff\xff\xff\x7f", 16);
+  bytes = good;
+  const auto* attribute = reinterpret_cast<const std::byte*>(text.data());
+  bytes.insert(bytes.begin() + 8, attribute, attribute + text.size());
+  EXPECT_EQ(ReadPictureFromMemory(bytes, "e").status().kind(), ErrorKind::kBadInput);
+  EXPECT_EQ(ReadPictureFromMemory(std::span(good).first(6), "e").status().kind(), ErrorKind::kBadInput);
+}
+
 TEST(ImageTest, PngIsToneMappedSrgb) {
   Picture picture(3, 1);
   picture.at(0, 0) = glm::vec4(1, 1, 1, 1);
@@ -230,6 +300,15 @@ TEST(ImageTest, PngIsToneMappedSrgb) {
   EXPECT_EQ(read->at(2, 0).x, 0);
   EXPECT_EQ(read->at(2, 0).z, 1);
   EXPECT_NEAR(read->at(2, 0).w, 0.5f, 0.003f);
+}
+
+TEST(ImageTest, ExposuresThatAreNoneAreRefused) {
+  const TemporaryPath path("tone.png");
+  for (const float exposure : {0.0f, -1.0f, std::nanf(""), std::numeric_limits<float>::infinity()}) {
+    EXPECT_EQ(WritePicture(RandomPicture(4, 2), path.get(), {.exposure = exposure}).kind(),
+              ErrorKind::kUsage);
+    EXPECT_FALSE(std::filesystem::exists(path.get()));
+  }
 }
 
 TEST(ImageTest, UnknownFormatsAreNamed) {

@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <numeric>
+#include <utility>
 
 #include "common/base/rng.h"
 #include "common/render/flip.h"
@@ -121,6 +123,37 @@ TEST(MetricsTest, DifferentSizesAreRefused) {
   EXPECT_EQ(FalseColorDifference(a, b).status().kind(), ErrorKind::kBadInput);
   EXPECT_EQ(Compare(a, a, Masked(b)).status().kind(), ErrorKind::kBadInput);
   EXPECT_EQ(Compare(Picture(), Picture()).status().kind(), ErrorKind::kBadInput);
+}
+
+TEST(MetricsTest, PicturesThatAreNotFiniteAreRefused) {
+  const Picture good = Constant(8, 4, 1);
+  for (const float value : {std::nanf(""), std::numeric_limits<float>::infinity()}) {
+    Picture bad = good;
+    bad.at(5, 2).y = bad.at(6, 3).x = value;
+    for (const auto& [test, reference] :
+         {std::pair<const Picture*, const Picture*>(&bad, &good), {&good, &bad}}) {
+      for (const Status& status : {Compare(*test, *reference).status(), FlipMap(*test, *reference).status(),
+                                   FalseColorDifference(*test, *reference).status()}) {
+        EXPECT_EQ(status.kind(), ErrorKind::kBadInput);
+        EXPECT_NE(status.message().find("(5, 2)"), std::string::npos) << status.message();
+      }
+    }
+  }
+  const Comparison bright = Compare(Constant(8, 4, 3e38f), Constant(8, 4, 2e38f), Blocks(4)).value();
+  EXPECT_TRUE(std::isfinite(bright.rel_mse + bright.mean_relative + bright.psnr_db + bright.flip));
+}
+
+TEST(MetricsTest, DifferencePicturesHonourTheMask) {
+  Picture reference = Constant(8, 4, 1), test = Constant(8, 4, 1.05f), mask = Constant(8, 4, 1);
+  reference.at(2, 1) = glm::vec4(1e4f, 1e4f, 1e4f, 1);  // lifts eps for all, unless it does not count
+  mask.at(2, 1) = glm::vec4(0);
+  const Picture all = FalseColorDifference(test, reference).value();
+  const Picture masked = FalseColorDifference(test, reference, &mask).value();
+  EXPECT_EQ(masked.at(2, 1), glm::vec4(0));
+  EXPECT_GT(masked.at(3, 1).x, all.at(3, 1).x);
+  EXPECT_EQ(masked.at(3, 1).w, 1);
+  const Picture small(4, 4);
+  EXPECT_EQ(FalseColorDifference(test, reference, &small).status().kind(), ErrorKind::kBadInput);
 }
 
 TEST(FlipTest, BlackAgainstWhiteIsNearlyOne) {

@@ -173,6 +173,28 @@ TEST(PrefilterTest, SmallAndOddMapsWork) {
   }
 }
 
+TEST(PrefilterTest, TheBrightestLightAllowedStaysFinite) {
+  Picture picture(32, 16);
+  picture.at(5, 6) = glm::vec4(Environment::kMaxRadiance);
+  picture.at(20, 0) = glm::vec4(Environment::kMaxRadiance);
+  const Environment environment = Environment::FromPicture(picture, "bright").value();
+  const PrefilteredEnvironment filtered(environment, 1);
+  CounterRng rng(5, 8);
+  for (int i = 0; i < 200; ++i) {
+    const glm::vec3 d = Environment::Direction(rng.Uniform(), rng.Uniform());
+    for (const float kappa : {0.0f, 0.4f, 3.0f, 700.0f, 1e5f, 1e9f}) {
+      const glm::vec3 value = filtered.Filtered(d, kappa);
+      EXPECT_TRUE(std::isfinite(value.x + value.y + value.z)) << kappa;
+    }
+    EXPECT_TRUE(std::isfinite(filtered.CosineAverage(d).x));
+  }
+  // What is no direction must not become an index either.
+  for (const float kappa : {0.0f, 3.0f, 1e9f}) {
+    EXPECT_TRUE(std::isfinite(filtered.Filtered(glm::vec3(0), kappa).x));
+    EXPECT_TRUE(std::isfinite(filtered.Filtered(glm::vec3(std::nanf("")), kappa).x));
+  }
+}
+
 TEST(PrefilterTest, TheSameForAnyNumberOfThreads) {
   const Environment environment = Environment::Procedural("sunset", 128).value();
   const PrefilteredEnvironment one(environment, 1), three(environment, 3);

@@ -324,6 +324,9 @@ TEST(ReferenceTest, RefusesOptionsOutOfRange) {
   View empty = view;
   empty.width = 0;
   EXPECT_EQ(kind(empty, Options(0, 4)), ErrorKind::kUsage);
+  View far = view;
+  far.camera.eye.x = 1e19f;
+  EXPECT_EQ(kind(far, Options(0, 4)), ErrorKind::kUsage);
   ReferenceOptions lobes = Options(0, 4);
   lobes.lobes = true;
   EXPECT_EQ(kind(view, lobes), ErrorKind::kInternal);

@@ -4,6 +4,8 @@
 
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <limits>
+#include <string>
 
 #include "common/base/frame.h"
 
@@ -51,6 +53,61 @@ TEST(PrimaryRaysTest, LookingAlongUpStillGivesUnitDirections) {
   ExpectNear(rays.Direction(5, 5), {0, 0, -1});
   EXPECT_NEAR(glm::length(rays.Direction(0, 0)), 1, 1e-6f);
   EXPECT_NEAR(glm::dot(rays.Direction(0, 5), rays.Direction(5, 5)), std::cos(0.4f), 1e-6f);
+}
+
+TEST(PrimaryRaysTest, DirectionsOfAnyLengthServe) {
+  for (const float length : {1e-38f, 1e-30f, 1e30f}) {
+    View view = TestView(10, 10);
+    const PrimaryRays expected(view);
+    view.camera.forward *= length;
+    view.camera.up *= length;
+    const PrimaryRays rays(view);
+    ExpectNear(rays.Direction(1, 2), expected.Direction(1, 2));
+  }
+}
+
+TEST(UnitDirectionTest, IsUnitUnlessThereIsNoDirection) {
+  const glm::vec3 diagonal = glm::vec3(1, 1, 0) / std::sqrt(2.0f);
+  for (const float length : {1e-45f, 1e-30f, 1.0f, 3e38f}) {
+    const auto unit = UnitDirection({length, length, 0});
+    ASSERT_TRUE(unit) << length;
+    ExpectNear(*unit, diagonal);
+  }
+  const float infinite = std::numeric_limits<float>::infinity();
+  EXPECT_FALSE(UnitDirection({0, 0, 0}));
+  EXPECT_FALSE(UnitDirection({0, infinite, 0}));
+  EXPECT_FALSE(UnitDirection({1, std::nanf(""), 1}));
+}
+
+TEST(CheckViewTest, RefusesWhatCannotBeDrawn) {
+  const View good = TestView(64, 48);
+  EXPECT_TRUE(CheckView(good).ok());
+  const auto refuses = [&](auto change) {
+    View view = good;
+    change(view);
+    const Status status = CheckView(view);
+    return status.kind() == ErrorKind::kUsage && !status.message().empty();
+  };
+  const float nan = std::nanf(""), infinite = std::numeric_limits<float>::infinity();
+  for (const float bad : {nan, infinite, -infinite}) {
+    EXPECT_TRUE(refuses([&](View& v) { v.camera.eye.y = bad; }));
+    EXPECT_TRUE(refuses([&](View& v) { v.camera.forward.z = bad; }));
+    EXPECT_TRUE(refuses([&](View& v) { v.camera.up.x = bad; }));
+    EXPECT_TRUE(refuses([&](View& v) { v.camera.vertical_fov = bad; }));
+    EXPECT_TRUE(refuses([&](View& v) { v.environment_rotation_deg = bad; }));
+  }
+  EXPECT_TRUE(refuses([](View& v) { v.camera.eye.x = 1e19f; }));
+  EXPECT_TRUE(refuses([](View& v) { v.camera.vertical_fov = 0; }));
+  EXPECT_TRUE(refuses([](View& v) { v.camera.vertical_fov = kPi; }));
+  EXPECT_TRUE(refuses([](View& v) { v.width = 0; }));
+  EXPECT_TRUE(refuses([](View& v) { v.height = 32769; }));
+}
+
+TEST(CheckViewTest, BoundsThePixelsAsWellAsTheSides) {
+  EXPECT_TRUE(CheckView(TestView(32768, 8192)).ok());
+  const Status status = CheckView(TestView(32768, 8193));
+  EXPECT_EQ(status.kind(), ErrorKind::kUsage);
+  EXPECT_NE(status.message().find("268435456 pixels"), std::string::npos);
 }
 
 }  // namespace

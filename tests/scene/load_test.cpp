@@ -281,7 +281,6 @@ TEST(LoadTest, RefusesMalformedAccessors) {
   {
     Sample sample;
     sample.document["accessors"][1]["byteOffset"] = 2;
-    sample.document["accessors"][1]["count"] = 3;
     ExpectRefused(sample.Load(), "not aligned");
   }
   {
@@ -314,6 +313,109 @@ TEST(LoadTest, RefusesMalformedAccessors) {
     sample.document["accessors"][1]["type"] = "MAT4";
     ExpectRefused(sample.Load(), "attributes.POSITION");
   }
+}
+
+Result<Scene> LoadWithin(const Sample& sample, const SceneLimits& limits) {
+  return LoadSceneFromMemory(test::MakeGlb(sample.document, sample.binary), "test.glb", limits);
+}
+
+TEST(LoadTest, AccessorsWithoutBytesCannotAskForMuch) {
+  for (const int accessor : {0, 1, 2}) {
+    Sample sample;
+    sample.document["accessors"][accessor].erase("bufferView");
+    sample.document["accessors"][accessor]["count"] = 300'000'000;
+    if (accessor == 1) sample.primitive().erase("indices");
+    ExpectRefused(sample.Load(), accessor == 0 ? "indices" : "attributes.",
+                  accessor == 2 ? ErrorKind::kBadInput : ErrorKind::kLimit);
+  }
+  Sample zeros;
+  zeros.document["accessors"][2].erase("bufferView");
+  EXPECT_TRUE(zeros.Load().ok());
+}
+
+TEST(LoadTest, EveryPrimitiveCountsTowardsTheLimits) {
+  Sample sample;
+  for (int i = 0; i < 2; ++i) sample.document["meshes"][0]["primitives"].push_back(sample.primitive());
+  EXPECT_TRUE(LoadWithin(sample, {.vertices = 12, .triangles = 6}).ok());
+  ExpectRefused(LoadWithin(sample, {.vertices = 11, .triangles = 6}), "meshes[0].primitives[2]",
+                ErrorKind::kLimit);
+  ExpectRefused(LoadWithin(sample, {.vertices = 12, .triangles = 5}), "meshes[0].primitives[2]",
+                ErrorKind::kLimit);
+}
+
+TEST(LoadTest, InstancesCountBeforeTheyAreMade) {
+  Sample sample;
+  sample.document["nodes"] = {{{"mesh", 0}}, {{"mesh", 0}}, {{"mesh", 0}, {"scale", {0, 0, 0}}}};
+  sample.document["scenes"][0]["nodes"] = {0, 1, 2};
+  EXPECT_TRUE(LoadWithin(sample, {.vertices = 8, .triangles = 4}).ok());
+  ExpectRefused(LoadWithin(sample, {.vertices = 7, .triangles = 4}), "2 instances", ErrorKind::kLimit);
+  ExpectRefused(LoadWithin(sample, {.vertices = 8, .triangles = 3}), "2 instances", ErrorKind::kLimit);
+}
+
+TEST(LoadTest, PartsOfASharedArrayCountByWhatTheyUse) {
+  Sample sample;
+  constexpr int kShared = 1000;
+  std::vector<float> positions, normals;
+  for (int i = 0; i < kShared; ++i) {
+    positions.insert(positions.end(), {float(i), float(i) * i, 0});
+    normals.insert(normals.end(), {0, 0, 1});
+  }
+  for (const auto& [accessor, values] : {std::pair{1, &positions}, {2, &normals}}) {
+    sample.document["accessors"][accessor]["bufferView"] =
+        test::AddView<float>(sample.document, sample.binary, *values);
+    sample.document["accessors"][accessor]["count"] = kShared;
+    for (const char* bound : {"min", "max"}) sample.document["accessors"][accessor].erase(bound);
+  }
+  sample.primitive()["attributes"].erase("TEXCOORD_0");
+  sample.document["accessors"][0]["bufferView"] =
+      test::AddView<uint16_t>(sample.document, sample.binary, {7, 900, 800, 900, 7, 3});
+  const size_t moved = test::AddView<uint16_t>(sample.document, sample.binary, {6, 800});
+  const size_t values = test::AddView<float>(sample.document, sample.binary, {1, 2, 3, 4, 5, 6});
+  sample.document["accessors"][1]["sparse"] = {{"count", 2},
+                                               {"indices", {{"bufferView", moved}, {"componentType", 5123}}},
+                                               {"values", {{"bufferView", values}}}};
+  const auto scene = LoadWithin(sample, {.vertices = kShared, .triangles = 2});
+  ASSERT_TRUE(scene.ok()) << scene.status().message();
+  const std::vector<glm::vec3> expected = {{3, 9, 0}, {7, 49, 0}, {4, 5, 6}, {900, 810000, 0}};
+  EXPECT_EQ(scene->positions, expected);
+  const std::vector<std::array<uint32_t, 3>> triangles = {{1, 3, 2}, {3, 1, 0}};
+  EXPECT_EQ(scene->triangles, triangles);
+  EXPECT_EQ(scene->notes, std::vector<std::string>{"996 vertices that no triangle uses were dropped"});
+
+  for (int i = 0; i < 300; ++i) sample.document["meshes"][0]["primitives"].push_back(sample.primitive());
+  EXPECT_FALSE(LoadWithin(sample, {.vertices = 4 * 301 - 1}).ok());
+  const auto many = LoadWithin(sample, {.vertices = 4 * 301});
+  ASSERT_TRUE(many.ok()) << many.status().message();
+  EXPECT_EQ(many->positions.size(), 4u * 301);
+}
+
+TEST(LoadTest, PositionsBeyondWhatCanBeTracedAreRefused) {
+  for (const double scale : {1e16, 3e38, 1e300}) {
+    Sample sample;
+    sample.document["nodes"][0]["scale"] = {scale, 1, 1};
+    ExpectRefused(sample.Load(), "nodes[0] (meshes[0]): puts a vertex farther than 1e15");
+  }
+  Sample sample;
+  sample.document["accessors"][1]["bufferView"] =
+      test::AddView<float>(sample.document, sample.binary, {0, 0, 0, 1e19f, 0, 0, 1, 1, 0, 0, 1, 0});
+  ExpectRefused(sample.Load(), "scale the scene down");
+  Sample near;
+  near.document["nodes"][0]["scale"] = {9e14, 9e14, 9e14};
+  EXPECT_TRUE(near.Load().ok());
+  Sample camera;
+  for (json& node : camera.document["nodes"]) {
+    if (node.contains("camera")) node["translation"] = {0, 0, 1e19};
+  }
+  ExpectRefused(camera.Load(), ".camera: is farther than 1e17");
+}
+
+TEST(LoadTest, OneNoteForOneMaterialsColor) {
+  Sample sample;
+  sample.document["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = {2, 3, -1, 1};
+  const auto scene = sample.Load();
+  ASSERT_TRUE(scene.ok()) << scene.status().message();
+  EXPECT_EQ(scene->notes,
+            std::vector<std::string>{"materials[0]: baseColorFactor is outside [0, 1] and was clamped"});
 }
 
 TEST(LoadTest, RefusesIndicesOutOfRangeAndBadValues) {
