@@ -180,26 +180,25 @@ Result<View> MakeView(const ViewWords& words, std::span<const Camera> cameras,
   GLINT_ASSIGN_OR_RETURN(view.camera, StartCamera(words, cameras, positions));
   if (words.eye) {
     const glm::vec3 look_at = words.look_at.value_or(BoundsOf(positions).centre);
-    const glm::vec3 to_target = look_at - *words.eye;
-    const float distance = glm::length(to_target);
-    if (!(distance > 0) || !std::isfinite(distance)) {
+    const std::optional<glm::vec3> forward = UnitDirection(look_at - *words.eye);
+    if (!forward) {
       return UsageError("--eye and --look-at are one point, or too far apart; move one of them");
     }
     view.camera.name = "command line";
     view.camera.eye = *words.eye;
-    view.camera.forward = to_target / distance;
-    view.camera.up = words.up.value_or(glm::vec3(0, 1, 0));
-    const float up_length = glm::length(view.camera.up);
-    if (!(glm::length(glm::cross(view.camera.forward, view.camera.up)) > 1e-4f * up_length)) {
+    view.camera.forward = *forward;
+    const std::optional<glm::vec3> up = UnitDirection(words.up.value_or(glm::vec3(0, 1, 0)));
+    if (!up || !(glm::length(glm::cross(*forward, *up)) > 1e-4f)) {
       return UsageError("--up is zero or along the view; give another direction, for instance --up 0,0,1");
     }
-    view.camera.up /= up_length;
+    view.camera.up = *up;
   }
   if (words.fov_deg) view.camera.vertical_fov = glm::radians(*words.fov_deg);
   view.width = words.width;
   view.height = words.height;
   view.environment_rotation_deg = words.environment_rotation_deg;
   view.background = words.background;
+  GLINT_RETURN_IF_ERROR(CheckView(view));
   return view;
 }
 
