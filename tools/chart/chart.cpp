@@ -156,6 +156,7 @@ Result<MeasuredPoint> Judge(const Input& input, const Point& point, Record recor
   MeasuredPoint measured;
   measured.point = point;
   measured.seconds = Number(record.numbers, "seconds");
+  measured.cpu_seconds = Number(record.numbers, "cpu_seconds");
   measured.bytes = Number(record.numbers, "bytes");
   measured.render_seconds = Number(record.numbers, "render_seconds");
   if (record.numbers.contains("measured_at")) measured.measured_at = record.numbers["measured_at"];

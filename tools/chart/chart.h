@@ -33,6 +33,7 @@ struct MeasuredPoint {
   bool kept = false;        ///< from an earlier run: its seconds are those of that run
   std::string measured_at;  ///< UTC, "2026-01-31T12:00:00Z"
   double seconds = 0;       ///< of the bake alone
+  double cpu_seconds = 0;   ///< of all its threads
   double bytes = 0;         ///< of the archive
   double render_seconds = 0;
   Comparison blocks;  ///< with the reference, blocks of kBlock pixels

@@ -1,5 +1,7 @@
 #include "tools/chart/method.h"
 
+#include <sys/resource.h>
+
 #include <chrono>
 #include <utility>
 
@@ -15,6 +17,16 @@ void HashBake(const Settings& settings, Hasher* hasher) {
   hasher->Add(settings.bake.max_layers).Add(settings.bake.layer_tolerance).Add(settings.bake.table_form);
 }
 
+/// Processor seconds of this process so far, all threads.
+double ProcessorSeconds() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
 template <GatherMethod kGather>
 void HashGather(const Settings& settings, Hasher* hasher) {
   Settings own = settings;
@@ -28,7 +40,9 @@ Result<Record> BakeAndRender(const Task& task, const Settings& settings, const s
   options.settings.method = kGather;
   options.threads = task.threads;
   const std::filesystem::path path = work / "point.glint";
+  const double cpu_begin = ProcessorSeconds();
   GLINT_ASSIGN_OR_RETURN(const BakeReport report, BakeScene(task.scene, "scene", path, options));
+  const double cpu_seconds = ProcessorSeconds() - cpu_begin;
   GLINT_ASSIGN_OR_RETURN(const Archive archive, Archive::Open(path));
 
   ArchiveRenderer renderer(archive, task.prefiltered, {.samples = task.samples, .threads = task.threads});
@@ -36,6 +50,7 @@ Result<Record> BakeAndRender(const Task& task, const Settings& settings, const s
   GLINT_ASSIGN_OR_RETURN(Picture picture, renderer.Render(task.view));
   const std::chrono::duration<double> render_seconds = std::chrono::steady_clock::now() - begin;
   return Record{{{"seconds", report.seconds},
+                 {"cpu_seconds", cpu_seconds},
                  {"bytes", report.archive_bytes},
                  {"render_seconds", render_seconds.count()},
                  {"bake_report", nlohmann::ordered_json::parse(report.json, nullptr, false)}},

@@ -83,15 +83,16 @@ std::string About(const Input& input, const Measured& measured) {
 
 std::string Table(const Measured& measured) {
   std::string html =
-      "<div class=scroll><table>\n<tr><th>point<th>bake, s<th>archive, MB<th>relMSE 4x4<th>relMSE<th>FLIP"
+      "<div class=scroll><table>\n<tr><th>point<th>bake, s<th>cpu, s<th>archive, MB<th>relMSE "
+      "4x4<th>relMSE<th>FLIP"
       "<th>picture, s<th>front<th>baked at (UTC)</tr>\n";
   for (const MeasuredPoint& p : measured.points) {
     const bool front = p.on_seconds_front || p.on_bytes_front;
     html += std::string(front ? "<tr class=front>" : "<tr>") + "<td>" + EscapeHtml(p.point.name) +
-            Format("<td>%.2f<td>%.3f<td>%.3g<td>%.3g<td>%.4f<td>%.2f<td>%s%s%s<td>", p.seconds,
-                   1e-6 * p.bytes, p.blocks.rel_mse, p.pixels.rel_mse, p.pixels.flip, p.render_seconds,
-                   p.on_seconds_front ? "seconds" : "", p.on_seconds_front && p.on_bytes_front ? ", " : "",
-                   p.on_bytes_front ? "bytes" : "") +
+            Format("<td>%.2f<td>%.2f<td>%.3f<td>%.3g<td>%.3g<td>%.4f<td>%.2f<td>%s%s%s<td>", p.seconds,
+                   p.cpu_seconds, 1e-6 * p.bytes, p.blocks.rel_mse, p.pixels.rel_mse, p.pixels.flip,
+                   p.render_seconds, p.on_seconds_front ? "seconds" : "",
+                   p.on_seconds_front && p.on_bytes_front ? ", " : "", p.on_bytes_front ? "bytes" : "") +
             EscapeHtml(p.measured_at) + "</tr>\n";
   }
   return html + "</table></div>\n";

@@ -52,7 +52,7 @@ struct LogAxis {
   /// From 0 at the low end to 1.
   double Place(double value) const { return std::log(value / low) / std::log(high / low); }
   void Pad(double part) {
-    const double factor = std::max(std::pow(high / low, part), 1.25);
+    const double factor = std::max(std::pow(high / low, part), 1.05);
     low /= factor;
     high *= factor;
   }
@@ -68,20 +68,37 @@ LogAxis Span(const std::vector<PlotPoint>& points, double PlotPoint::*value) {
   return axis;
 }
 
-/// Marks at 1, 2, 5 times powers of ten; only at powers where the axis is long.
-std::string Ticks(const LogAxis& axis) {
-  const bool is_long = axis.high / axis.low > 2000;
-  std::string list;
-  for (int power = static_cast<int>(std::floor(std::log10(axis.low))); std::pow(10.0, power) <= axis.high;
-       ++power) {
-    for (const double digit : {1.0, 2.0, 5.0}) {
-      const double value = digit * std::pow(10.0, power);
-      if ((is_long && digit > 1) || value < axis.low || value > axis.high) continue;
-      char text[32];
-      std::snprintf(text, sizeof text, "%g", value);
-      list += (list.empty() ? "" : ", ") + GnuplotQuote(text) + " " + Num(value);
+std::string Tick(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g", value);
+  return GnuplotQuote(text) + " " + Num(value);
+}
+
+/// Where an axis has marks: at round steps if it is short, at chosen digits times powers of ten if not.
+std::vector<double> TickValues(const LogAxis& axis) {
+  std::vector<double> values;
+  const double ratio = axis.high / axis.low;
+  if (ratio < 3) {
+    const double rough = (axis.high - axis.low) / 6, power = std::pow(10.0, std::floor(std::log10(rough)));
+    const double step = power * (rough > 5 * power ? 10 : rough > 2 * power ? 5 : rough > power ? 2 : 1);
+    for (double k = std::ceil(axis.low / step); k * step <= axis.high; ++k) values.push_back(k * step);
+    return values;
+  }
+  const std::vector<double> digits = ratio < 12     ? std::vector<double>{1, 1.5, 2, 3, 4, 5, 6, 8}
+                                     : ratio < 1000 ? std::vector<double>{1, 2, 5}
+                                                    : std::vector<double>{1};
+  for (double power = std::pow(10.0, std::floor(std::log10(axis.low))); power <= axis.high; power *= 10) {
+    for (const double digit : digits) {
+      const double value = digit * power;
+      if (value >= axis.low && value <= axis.high) values.push_back(value);
     }
   }
+  return values;
+}
+
+std::string Ticks(const LogAxis& axis) {
+  std::string list;
+  for (const double value : TickValues(axis)) list += (list.empty() ? "" : ", ") + Tick(value);
   return "(" + list + ")";
 }
 
@@ -136,9 +153,9 @@ std::string Frame(const PlotInput& plot, const LogAxis& x, const LogAxis& y) {
          ",0.965 left noenhanced font 'DejaVu Sans,14'\n"
          "set key at screen " +
          Num(kFrame.right / kWidth) +
-         ",0.925 right top horizontal noenhanced\n"
+         ",0.925 right top horizontal Left reverse samplen 1 noenhanced\n"
          "set logscale xy\nset border 3 lc rgb '#444444'\n"
-         "set grid xtics ytics lc rgb '#dddddd' lw 0.7 dt 1\n"
+         "set grid xtics ytics back lc rgb '#e4e4e4' lw 0.7 dt 1\n"
          "set xrange [" +
          Num(x.low) + ":" + Num(x.high) + "]\nset yrange [" + Num(y.low) + ":" + Num(y.high) +
          "]\nset xtics nomirror " + Ticks(x) + "\nset ytics nomirror " + Ticks(y) + "\nset xlabel " +
@@ -159,7 +176,7 @@ std::string Curves(const std::vector<PlotPoint>& points, double noise, std::stri
   if (!front.empty()) {
     *data += DataBlock("front", front);
     curves +=
-        "$front using 1:2 with steps lw 1.5 lc rgb '#888888' notitle, "
+        "$front using 1:2 with steps lw 1.5 lc rgb '#bbbbbb' notitle, "
         "$front using 1:2 with points pt 6 ps 2.4 lw 1.5 lc rgb '#111111' title 'Pareto front', ";
   }
   const std::vector<std::string> methods = MethodsOf(points);
@@ -237,8 +254,8 @@ std::string PlotScript(const PlotInput& plot) {
   const bool shows_noise =
       plot.noise > 0 && plot.noise < y.high && plot.noise > y.low / std::max(4.0, std::sqrt(y.high / y.low));
   if (shows_noise) y.low = std::min(y.low, plot.noise);
-  x.Pad(0.08);
-  y.Pad(0.08);
+  x.Pad(0.1);
+  y.Pad(0.12);
 
   std::string data;
   const std::string curves = Curves(points, shows_noise ? plot.noise : 0, &data);

@@ -35,6 +35,7 @@ Json DescribePoint(const MeasuredPoint& p) {
           {"method", p.point.method},
           {"settings", settings},
           {"seconds", p.seconds},
+          {"cpu_seconds", p.cpu_seconds},
           {"bytes", p.bytes},
           {"rel_mse_block4", p.blocks.rel_mse},
           {"mean_relative_block4", p.blocks.mean_relative},
@@ -62,13 +63,14 @@ std::string ChartCsv(const Measured& measured) {
   std::string csv = "name,method";
   for (const Axis& axis : Axes()) csv += "," + CsvField(axis.word);
   csv +=
-      ",seconds,bytes,rel_mse_block4,mean_relative_block4,rel_mse,flip,render_seconds,on_seconds_front,"
+      ",seconds,cpu_seconds,bytes,rel_mse_block4,mean_relative_block4,rel_mse,flip,render_seconds,on_seconds_"
+      "front,"
       "on_bytes_front,kept,measured_at,key\r\n";
   for (const MeasuredPoint& p : measured.points) {
     csv += CsvField(p.point.name) + "," + CsvField(p.point.method);
     for (const Axis& axis : Axes()) csv += "," + CsvField(ValueOf(p.point, axis.word));
-    for (const double value : {p.seconds, p.bytes, p.blocks.rel_mse, p.blocks.mean_relative, p.pixels.rel_mse,
-                               p.pixels.flip, p.render_seconds}) {
+    for (const double value : {p.seconds, p.cpu_seconds, p.bytes, p.blocks.rel_mse, p.blocks.mean_relative,
+                               p.pixels.rel_mse, p.pixels.flip, p.render_seconds}) {
       csv += "," + Figure(value);
     }
     for (const bool value : {p.on_seconds_front, p.on_bytes_front, p.kept}) csv += value ? ",1" : ",0";
@@ -115,12 +117,13 @@ std::string ChartText(const Measured& measured) {
     text.resize(std::max(width, text.size()), ' ');
     return text;
   };
-  std::string text = pad("point") + "   bake s        MB  relMSE 4x4     relMSE    FLIP  front\n";
+  std::string text = pad("point") + "   bake s     cpu s        MB  relMSE 4x4     relMSE    FLIP  front\n";
   for (const MeasuredPoint& p : measured.points) {
     char line[160];
-    std::snprintf(line, sizeof line, " %8.2f %9.3f  %10.3g %10.3g  %6.4f  %s%s%s", p.seconds, 1e-6 * p.bytes,
-                  p.blocks.rel_mse, p.pixels.rel_mse, p.pixels.flip, p.on_seconds_front ? "seconds " : "",
-                  p.on_bytes_front ? "bytes " : "", p.kept ? "(kept)" : "");
+    std::snprintf(line, sizeof line, " %8.2f  %8.2f %9.3f  %10.3g %10.3g  %6.4f  %s%s%s", p.seconds,
+                  p.cpu_seconds, 1e-6 * p.bytes, p.blocks.rel_mse, p.pixels.rel_mse, p.pixels.flip,
+                  p.on_seconds_front ? "seconds " : "", p.on_bytes_front ? "bytes " : "",
+                  p.kept ? "(kept)" : "");
     std::string whole = pad(p.point.name) + line;
     whole.resize(whole.find_last_not_of(' ') + 1);
     text += whole + "\n";
