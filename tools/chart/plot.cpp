@@ -155,7 +155,7 @@ std::string Frame(const PlotInput& plot, const LogAxis& x, const LogAxis& y) {
          Num(kFrame.right / kWidth) +
          ",0.925 right top horizontal Left reverse samplen 1 noenhanced\n"
          "set logscale xy\nset border 3 lc rgb '#444444'\n"
-         "set grid xtics ytics back lc rgb '#e4e4e4' lw 0.7 dt 1\n"
+         "set grid xtics ytics back lc rgb '#cccccc' lw 0.8 dt 1\n"
          "set xrange [" +
          Num(x.low) + ":" + Num(x.high) + "]\nset yrange [" + Num(y.low) + ":" + Num(y.high) +
          "]\nset xtics nomirror " + Ticks(x) + "\nset ytics nomirror " + Ticks(y) + "\nset xlabel " +

@@ -63,7 +63,7 @@ std::vector<Axis> MakeAxes() {
       {"paper-rays",
        "p",
        "N",
-       "16",
+       "8",
        "paper: rays per slice and layer",
        {"paper"},
        [](const std::string& text, Settings* s) {
