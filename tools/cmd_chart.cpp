@@ -18,7 +18,7 @@ struct ChartWords {
   ViewWords view;
   ToneMap tone;
   ReferenceOptions reference;
-  int samples = 4;
+  int samples = 64;  ///< with few, edges of shapes hide what bakes differ in
   chart::Sweep sweep;
 };
 
