@@ -11,6 +11,7 @@ Command AddBakeCommand(CLI::App& glint, CommonWords& common);
 Command AddRenderCommand(CLI::App& glint, CommonWords& common);
 Command AddReferenceCommand(CLI::App& glint, CommonWords& common);
 Command AddCompareCommand(CLI::App& glint, CommonWords& common);
+Command AddChartCommand(CLI::App& glint, CommonWords& common);
 Command AddInspectCommand(CLI::App& glint, CommonWords& common);
 Command AddVerifyCommand(CLI::App& glint, CommonWords& common);
 Command AddSceneCommand(CLI::App& glint, CommonWords& common);

@@ -131,7 +131,8 @@ void AddViewWords(CLI::App& app, ViewWords& words) {
       ->group("View");
   app.add_option_function<std::string>(
          "--size", [&words](const std::string& text) { ParseSize(text, words); },
-         "Size of the picture in pixels (default: 512x512)")
+         "Size of the picture in pixels (default: " + std::to_string(words.width) + "x" +
+             std::to_string(words.height) + ")")
       ->type_name("WxH")
       ->group("View");
   app.add_option(

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -28,7 +29,7 @@ std::string ReadText(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-const char* const kCommands[] = {"bake",    "render", "reference", "compare",
+const char* const kCommands[] = {"bake",    "render", "reference", "compare",    "chart",
                                  "inspect", "verify", "scene",     "environment"};
 
 TEST(ToolsHelpTest, HelpShowsCommandsExamplesAndExitCodes) {
@@ -90,6 +91,12 @@ TEST(ToolsExitCodeTest, WrongWordsAreUsage) {
       {"reference", "a.glb", "-o", out, "--brdf", "other"},
       {"bake", "a.glb", "-o", (folder / "a.glint").string(), "--directions", "643"},
       {"bake", "a.glb", "-o", out},
+      {"chart", "a.glb"},
+      {"chart", "a.glb", "-o", out, "--directions", "162,643"},
+      {"chart", "a.glb", "-o", out, "--gather", "shared,other"},
+      {"chart", "a.glb", "-o", out, "--lobes", "1,,3"},
+      {"chart", "a.glb", "-o", out, "--spp", "3"},
+      {"chart", "a.glb", "-o", GLINT_PROGRAM},
       {"scene", "no-such-scene", "-o", (folder / "a.glb").string()},
       {"scene", "teapot"},
       {"scene"},
@@ -148,6 +155,7 @@ TEST(ToolsExitCodeTest, MissingAndDamagedFilesAreBadInput) {
                                                          {"render", file, "-o", out},
                                                          {"reference", file, "-o", out},
                                                          {"compare", file, file},
+                                                         {"chart", file, "-o", (folder / "chart").string()},
                                                          {"bake", file, "-o", archive}};
     for (const auto& words : commands) {
       const ProcessResult result = Glint(words);
@@ -316,7 +324,74 @@ TEST_F(ToolsArchiveTest, ASceneNamedInAnotherEncodingIsBaked) {
   std::filesystem::rename(scene_, scene);
   EXPECT_EQ(Glint({"bake", scene, "-o", out, "--directions", "42", "--layers", "0", "--json"}).exit_code, 0);
   EXPECT_EQ(Glint({"inspect", out}).exit_code, 0);
-}
+
+  // Interrupted, without gnuplot, with it: what is finished stays, and the exit code says what happened.
+  TEST(ToolsChartTest, GoesOnWhereItWas) {
+    const TempFolder folder;
+    const std::string scene = (folder / "planes.glb").string();
+    const std::filesystem::path chart = folder / "new/chart";
+    ASSERT_EQ(Glint({"scene", "planes", "--vertices", "500", "--exponent", "32", "-o", scene}).exit_code, 0);
+    const std::vector<std::string> command{GLINT_PROGRAM,
+                                           "chart",
+                                           scene,
+                                           "-o",
+                                           chart.string(),
+                                           "--size",
+                                           "24x24",
+                                           "--spp",
+                                           "4",
+                                           "--bounces",
+                                           "1",
+                                           "--gather",
+                                           "shared,paper",
+                                           "--directions",
+                                           "12,42",
+                                           "--lobes",
+                                           "1",
+                                           "--rays-per-kappa",
+                                           "1",
+                                           "--paper-rays",
+                                           "4"};
+    const auto records = [&chart] {
+      size_t count = 0;
+      std::error_code error;
+      for (std::filesystem::directory_iterator i(chart / "points", error), end; !error && i != end;
+           i.increment(error)) {
+        count += i->path().extension() == ".json" && i->path().filename().string()[0] != '.';
+      }
+      return count;
+    };
+    const ProcessResult stopped = RunProcess(command, {}, {SIGINT, [&records] { return records() >= 2; }});
+    EXPECT_EQ(stopped.exit_code, 5) << stopped.err;
+    EXPECT_TRUE(Contains(stopped.err, "of 4 points are kept")) << stopped.err;
+    EXPECT_FALSE(std::filesystem::exists(chart / "work"));
+    const size_t before = records();
+    EXPECT_GE(before, 2u);
+    EXPECT_LT(before, 5u);
+
+    const ProcessResult bare = RunProcess(command, {"PATH=" + folder.path().string()});
+    EXPECT_EQ(bare.exit_code, 6) << bare.err;
+    EXPECT_TRUE(Contains(bare.err, "gnuplot-nox")) << bare.err;
+    EXPECT_TRUE(Contains(bare.out, "paper d42")) << bare.out;
+    for (const char* name : {"chart.csv", "chart.json", "index.html"})
+      EXPECT_TRUE(std::filesystem::exists(chart / name));
+    EXPECT_FALSE(std::filesystem::exists(chart / "error_over_bytes.svg"));
+    EXPECT_EQ(records(), 5u) << "the reference and four points";
+
+    std::vector<std::string> as_json = command;
+    as_json.insert(as_json.end(), {"--json", "--quiet"});
+    const ProcessResult whole = RunProcess(as_json);
+    ASSERT_EQ(whole.exit_code, 0) << whole.err;
+    EXPECT_EQ(whole.err, "");
+    const auto json = nlohmann::json::parse(whole.out);
+    ASSERT_EQ(json["points"].size(), 4u);
+    for (const auto& point : json["points"]) EXPECT_TRUE(point["kept"]) << point;
+    for (const char* name : {"error_over_seconds", "error_over_bytes"}) {
+      for (const char* extension : {".svg", ".png"}) {
+        EXPECT_TRUE(std::filesystem::exists(chart / (std::string(name) + extension)));
+      }
+    }
+  }
 
 }  // namespace
 }  // namespace glint
