@@ -324,74 +324,75 @@ TEST_F(ToolsArchiveTest, ASceneNamedInAnotherEncodingIsBaked) {
   std::filesystem::rename(scene_, scene);
   EXPECT_EQ(Glint({"bake", scene, "-o", out, "--directions", "42", "--layers", "0", "--json"}).exit_code, 0);
   EXPECT_EQ(Glint({"inspect", out}).exit_code, 0);
+}
 
-  // Interrupted, without gnuplot, with it: what is finished stays, and the exit code says what happened.
-  TEST(ToolsChartTest, GoesOnWhereItWas) {
-    const TempFolder folder;
-    const std::string scene = (folder / "planes.glb").string();
-    const std::filesystem::path chart = folder / "new/chart";
-    ASSERT_EQ(Glint({"scene", "planes", "--vertices", "500", "--exponent", "32", "-o", scene}).exit_code, 0);
-    const std::vector<std::string> command{GLINT_PROGRAM,
-                                           "chart",
-                                           scene,
-                                           "-o",
-                                           chart.string(),
-                                           "--size",
-                                           "24x24",
-                                           "--spp",
-                                           "4",
-                                           "--bounces",
-                                           "1",
-                                           "--gather",
-                                           "shared,paper",
-                                           "--directions",
-                                           "12,42",
-                                           "--lobes",
-                                           "1",
-                                           "--rays-per-kappa",
-                                           "1",
-                                           "--paper-rays",
-                                           "4"};
-    const auto records = [&chart] {
-      size_t count = 0;
-      std::error_code error;
-      for (std::filesystem::directory_iterator i(chart / "points", error), end; !error && i != end;
-           i.increment(error)) {
-        count += i->path().extension() == ".json" && i->path().filename().string()[0] != '.';
-      }
-      return count;
-    };
-    const ProcessResult stopped = RunProcess(command, {}, {SIGINT, [&records] { return records() >= 2; }});
-    EXPECT_EQ(stopped.exit_code, 5) << stopped.err;
-    EXPECT_TRUE(Contains(stopped.err, "of 4 points are kept")) << stopped.err;
-    EXPECT_FALSE(std::filesystem::exists(chart / "work"));
-    const size_t before = records();
-    EXPECT_GE(before, 2u);
-    EXPECT_LT(before, 5u);
+// Interrupted, without gnuplot, with it: what is finished stays, and the exit code says what happened.
+TEST(ToolsChartTest, GoesOnWhereItWas) {
+  const TempFolder folder;
+  const std::string scene = (folder / "planes.glb").string();
+  const std::filesystem::path chart = folder / "new/chart";
+  ASSERT_EQ(Glint({"scene", "planes", "--vertices", "500", "--exponent", "32", "-o", scene}).exit_code, 0);
+  const std::vector<std::string> command{GLINT_PROGRAM,
+                                         "chart",
+                                         scene,
+                                         "-o",
+                                         chart.string(),
+                                         "--size",
+                                         "24x24",
+                                         "--spp",
+                                         "4",
+                                         "--bounces",
+                                         "1",
+                                         "--gather",
+                                         "shared,paper",
+                                         "--directions",
+                                         "12,42",
+                                         "--lobes",
+                                         "1",
+                                         "--rays-per-kappa",
+                                         "1",
+                                         "--paper-rays",
+                                         "4"};
+  const auto records = [&chart] {
+    size_t count = 0;
+    std::error_code error;
+    for (std::filesystem::directory_iterator i(chart / "points", error), end; !error && i != end;
+         i.increment(error)) {
+      count += i->path().extension() == ".json" && i->path().filename().string()[0] != '.';
+    }
+    return count;
+  };
+  const ProcessResult stopped = RunProcess(command, {}, {SIGINT, [&records] { return records() >= 2; }});
+  EXPECT_EQ(stopped.exit_code, 5) << stopped.err;
+  EXPECT_TRUE(Contains(stopped.err, "of 4 points are kept")) << stopped.err;
+  EXPECT_FALSE(std::filesystem::exists(chart / "work"));
+  const size_t before = records();
+  EXPECT_GE(before, 2u);
+  EXPECT_LT(before, 5u);
 
-    const ProcessResult bare = RunProcess(command, {"PATH=" + folder.path().string()});
-    EXPECT_EQ(bare.exit_code, 6) << bare.err;
-    EXPECT_TRUE(Contains(bare.err, "gnuplot-nox")) << bare.err;
-    EXPECT_TRUE(Contains(bare.out, "paper d42")) << bare.out;
-    for (const char* name : {"chart.csv", "chart.json", "index.html"})
-      EXPECT_TRUE(std::filesystem::exists(chart / name));
-    EXPECT_FALSE(std::filesystem::exists(chart / "error_over_bytes.svg"));
-    EXPECT_EQ(records(), 5u) << "the reference and four points";
+  const ProcessResult bare = RunProcess(command, {"PATH=" + folder.path().string()});
+  EXPECT_EQ(bare.exit_code, 6) << bare.err;
+  EXPECT_TRUE(Contains(bare.err, "gnuplot-nox")) << bare.err;
+  EXPECT_TRUE(Contains(bare.out, "paper d42")) << bare.out;
+  for (const char* name : {"chart.csv", "chart.json", "index.html"})
+    EXPECT_TRUE(std::filesystem::exists(chart / name));
+  EXPECT_FALSE(std::filesystem::exists(chart / "error_over_bytes.svg"));
+  EXPECT_EQ(records(), 5u) << "the reference and four points";
 
-    std::vector<std::string> as_json = command;
-    as_json.insert(as_json.end(), {"--json", "--quiet"});
-    const ProcessResult whole = RunProcess(as_json);
-    ASSERT_EQ(whole.exit_code, 0) << whole.err;
-    EXPECT_EQ(whole.err, "");
-    const auto json = nlohmann::json::parse(whole.out);
-    ASSERT_EQ(json["points"].size(), 4u);
-    for (const auto& point : json["points"]) EXPECT_TRUE(point["kept"]) << point;
-    for (const char* name : {"error_over_seconds", "error_over_bytes"}) {
-      for (const char* extension : {".svg", ".png"}) {
-        EXPECT_TRUE(std::filesystem::exists(chart / (std::string(name) + extension)));
-      }
+  std::vector<std::string> as_json = command;
+  as_json.insert(as_json.end(), {"--json", "--quiet"});
+  const ProcessResult whole = RunProcess(as_json);
+  ASSERT_EQ(whole.exit_code, 0) << whole.err;
+  EXPECT_EQ(whole.err, "");
+  const auto json = nlohmann::json::parse(whole.out);
+  ASSERT_EQ(json["points"].size(), 4u);
+  for (const auto& point : json["points"]) EXPECT_TRUE(point["kept"]) << point;
+  for (const char* name : {"error_over_seconds", "error_over_bytes"}) {
+    for (const char* extension : {".svg", ".png"}) {
+      EXPECT_TRUE(std::filesystem::exists(chart / (std::string(name) + extension)));
     }
   }
+}
 
 }  // namespace
 }  // namespace glint
