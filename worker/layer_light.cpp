@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
 
 #include "common/archive/lobe_codec.h"
@@ -113,18 +114,20 @@ void LayerLight::PackSurface() {
   triangles_.reserve(domain_.triangles.size());
   for (size_t i = 0; i < domain_.triangles.size(); ++i) {
     const auto& t = domain_.triangles[i];
-    const glm::vec3& p = domain_.positions[t[0]];
-    const glm::vec3 cross = glm::cross(domain_.positions[t[1]] - p, domain_.positions[t[2]] - p);
-    const float length2 = glm::dot(cross, cross);
+    // In double: products of a tiny or a huge scene's edges leave the range of floats.
+    const glm::dvec3 p(domain_.positions[t[0]]);
+    const glm::dvec3 cross =
+        glm::cross(glm::dvec3(domain_.positions[t[1]]) - p, glm::dvec3(domain_.positions[t[2]]) - p);
+    const double length = glm::length(cross);
     const bool one_shape =
         domain_.shape[t[0]] == domain_.shape[t[1]] && domain_.shape[t[0]] == domain_.shape[t[2]];
-    triangles_.push_back({t, length2 > 1e-20f ? cross / std::sqrt(length2) : glm::vec3(0),
+    triangles_.push_back({t, length > 0 ? glm::vec3(cross / length) : glm::vec3(0),
                           domain_.triangle_double_sided[i], one_shape});
   }
   vertices_.reserve(domain_.vertex_count());
   for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
-    vertices_.push_back(
-        {domain_.normals[v], domain_.specular[v], domain_.diffuse[v], domain_.shape[v], empty_row_.data()});
+    vertices_.push_back({domain_.normals[v], domain_.specular[v], domain_.diffuse[v], domain_.shape[v],
+                         reinterpret_cast<const std::byte*>(empty_row_.data())});
 }
 
 LayerLight::Entry LayerLight::Pack(const std::byte* stored) const {
@@ -188,7 +191,7 @@ void LayerLight::PackRows(const LayerViews& views, int threads) {
         *entry++ = bytes ? Pack(bytes) : absent_[0];
       }
     }
-    vertices_[v].row = reinterpret_cast<const uint64_t*>(row);
+    vertices_[v].row = reinterpret_cast<const std::byte*>(row);
   });
 }
 
@@ -281,16 +284,18 @@ inline void LayerLight::Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit
   for (int j = 0; j < 3; ++j) {
     hit->word[j] = location.index[j] / kWordColumns;
     hit->bit[j] = location.index[j] % kWordColumns;
-    for (const uint32_t v : hit->triangle->vertex) __builtin_prefetch(vertices_[v].row + hit->word[j]);
+    for (const uint32_t v : hit->triangle->vertex)
+      __builtin_prefetch(vertices_[v].row + sizeof(uint64_t) * hit->word[j]);
   }
 }
 
 inline void LayerLight::FindEntries(Pending* hit) const {
   for (int i = 0; i < 3; ++i) {
-    const uint64_t* row = vertices_[hit->triangle->vertex[i]].row;
+    const std::byte* row = vertices_[hit->triangle->vertex[i]].row;
     const Entry* entries = reinterpret_cast<const Entry*>(row) + head_;
     for (int j = 0; j < 3; ++j) {
-      const uint64_t word = row[hit->word[j]], below = word & ((uint64_t{1} << hit->bit[j]) - 1);
+      const auto word = table_internal::Load<uint64_t>(row + sizeof(uint64_t) * hit->word[j]);
+      const uint64_t below = word & ((uint64_t{1} << hit->bit[j]) - 1);
       const uint64_t rank = (word >> kWordColumns) + static_cast<uint64_t>(std::popcount(below));
       const Entry* entry = entries + rank * static_cast<uint64_t>(lobes_);
       entry = (word >> hit->bit[j] & 1) ? entry : absent_.data();

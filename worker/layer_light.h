@@ -67,7 +67,7 @@ class LayerLight {
   struct alignas(64) Vertex {
     glm::vec3 normal, specular, diffuse;
     uint32_t shape;
-    const uint64_t* row;  ///< words, then entries; a shared one without entries where nothing is stored
+    const std::byte* row;  ///< words, then entries; a shared one without entries where nothing is stored
   };
   struct Pending;
   struct Sums;

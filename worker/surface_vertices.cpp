@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
 
 namespace glint {
@@ -26,15 +27,18 @@ SurfaceVertices::SurfaceVertices(const BakeDomain& domain, float epsilon)
   std::vector<float> weight(domain.vertex_count(), 0.0f);
   for (const auto& t : domain.triangles) {
     const glm::vec3 p[3] = {domain.positions[t[0]], domain.positions[t[1]], domain.positions[t[2]]};
-    const glm::vec3 cross = glm::cross(p[1] - p[0], p[2] - p[0]);
-    const float area2 = glm::length(cross);
-    face_normal_.push_back(area2 > 0 ? cross / area2 : glm::vec3(0));
+    // In double: products of a tiny or a huge scene's edges leave the range of floats.
+    const glm::dvec3 cross =
+        glm::cross(glm::dvec3(p[1]) - glm::dvec3(p[0]), glm::dvec3(p[2]) - glm::dvec3(p[0]));
+    const double area2 = glm::length(cross);
+    const glm::vec3 face = area2 > 0 ? glm::vec3(cross / area2) : glm::vec3(0);
+    face_normal_.push_back(face);
     for (int i = 0; i < 3; ++i) {
       const uint32_t v = t[i];
       used_[v] = 1;
       const glm::vec3 a = p[(i + 1) % 3] - p[i], b = p[(i + 2) % 3] - p[i];
       const float angle = CornerAngle(a, b);
-      if (area2 > 0) geometric_[v] += angle / area2 * cross;
+      geometric_[v] += angle * face;
       inset_[v] += angle * (a + b) / 3.0f;
       touch_[v] += angle * 0.5f * (glm::length(a) + glm::length(b));
       weight[v] += angle;

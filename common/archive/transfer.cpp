@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/common.hpp>
+#include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
 
 #include "common/archive/lobe_codec.h"
@@ -187,8 +188,12 @@ BrdfSlice TransferReader::BlendSlices(const std::array<uint32_t, 3>& vertex,
 bool TransferReader::OrientNormal(uint32_t triangle, const std::array<float, 3>& barycentric,
                                   TransferPoint* point) const {
   const auto& t = domain_.triangles[triangle];
-  const glm::vec3 &p0 = domain_.positions[t[0]], &p1 = domain_.positions[t[1]], &p2 = domain_.positions[t[2]];
-  glm::vec3 face = NormalizeOr(glm::cross(p1 - p0, p2 - p0), point->wo);
+  // In double: products of a tiny or a huge scene's edges leave the range of floats.
+  const glm::dvec3 p(domain_.positions[t[0]]);
+  const glm::dvec3 cross =
+      glm::cross(glm::dvec3(domain_.positions[t[1]]) - p, glm::dvec3(domain_.positions[t[2]]) - p);
+  const double area2 = glm::length(cross);
+  glm::vec3 face = area2 > 0 ? glm::vec3(cross / area2) : point->wo;
   point->back = glm::dot(face, point->wo) < 0;
   if (point->back && !domain_.triangle_double_sided[triangle]) return false;
   const float side = point->back ? -1.0f : 1.0f;

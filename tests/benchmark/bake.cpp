@@ -8,8 +8,9 @@
 //                        [--paper-every 16] [--slices 2000] [--truth-rays 16384] [--threads N] [--wall]
 //                        [--json FILE]
 //
-// The 2011 scheme runs on every `paper-every`-th block of vertices and its time is scaled up by the share of
-// vertices that it covered; 1 runs it everywhere. Both schemes gather the same tables of the layer before.
+// The 2011 scheme runs on one in `paper-every` vertices, some of every block, and its time is scaled up by
+// the share of vertices that it covered; 1 runs it everywhere. Both schemes gather the same tables of the
+// layer before.
 // `--wall` also bakes the whole scene to an archive in a temporary folder and reports its wall seconds.
 
 #include "coordinator/bake.h"
@@ -167,10 +168,16 @@ class Contest {
       const double t0 = ThreadSeconds();
       const BlockResult shared = shared_->Gather(tasks[i].block);
       const double t1 = ThreadSeconds();
-      const bool both =
-          args_.paper_every > 0 && i % args_.paper_every == static_cast<size_t>(args_.paper_every) / 2;
+      const bool both = args_.paper_every > 0;
+      GatherBlock part = tasks[i].block;
       GatherCounters counters;
-      if (both) counters = paper_->Gather(tasks[i].block).counters;
+      if (both) {
+        const uint32_t every = static_cast<uint32_t>(args_.paper_every), whole = part.vertices;
+        part.vertices = std::max(1u, whole / every);
+        part.first_vertex +=
+            CounterRng(args_.settings.seed, static_cast<uint32_t>(i)).Bits() % (whole - part.vertices + 1);
+        counters = paper_->Gather(part).counters;
+      }
       const double t2 = ThreadSeconds();
       if (!store->PutResult(tasks[i].key, SerializeBlock(shared)).ok()) std::abort();
       const std::lock_guard lock(mutex);
@@ -181,7 +188,7 @@ class Contest {
       paper_sample.cpu_seconds += t2 - t1;
       paper_sample.rays += counters.rays;
       paper_sample.slices += counters.slices;
-      paper_vertices += tasks[i].block.vertices;
+      paper_vertices += part.vertices;
     });
     if (paper_vertices == 0) return;
     const double scale = static_cast<double>(domain_.vertex_count()) / static_cast<double>(paper_vertices);
