@@ -105,7 +105,7 @@ void AddAccuracyWords(CLI::App& app, BakeWords& words) {
       "shared (default): one set of rays per vertex; paper: the 2011 scheme, for comparison")
       ->group("Accuracy and time");
   add("--rays-per-kappa", settings.rays_per_kappa,
-      "shared: rays per vertex and unit of its sharpest lobe's kappa")
+      "shared: rays per vertex and unit of its sharpest lobe's kappa, at kappa 128; they grow as kappa^(3/4)")
       ->check(NumberRange(0.01, 1e4))
       ->type_name("X");
   add("--max-rays", settings.max_rays, "shared: at most this many rays per vertex")

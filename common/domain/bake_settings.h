@@ -15,13 +15,13 @@ enum class GatherMethod : uint8_t {
 /// What a slice's value depends on, besides the scene and the layer before. Part of every task's key.
 struct BakeSettings {
   GatherMethod method = GatherMethod::kShared;
-  int grid_level = 3;        ///< geodesic level of the view directions; 3: 642 of them
-  float rays_per_kappa = 5.5f;  ///< kShared: base rays per unit of the vertex's sharpest kappa
-  int min_rays = 256;        ///< kShared: bounds on base rays per vertex
+  int grid_level = 3;           ///< geodesic level of the view directions; 3: 642 of them
+  float rays_per_kappa = 5.5f;  ///< kShared: base rays per unit of the vertex's sharpest kappa, at kappa 128
+  int min_rays = 256;           ///< kShared: bounds on base rays per vertex
   int max_rays = 8192;
   /// kShared: rays are split in four, this often, where one is blocked and its neighbour is not; 0 .. 2
   int split_levels = 1;
-  int paper_rays = 144;     ///< kPaper: rays per lobe, slice and layer
+  int paper_rays = 144;  ///< kPaper: rays per lobe, slice and layer
   float drop =
       1.0f / 1024;  ///< relative change of a slice below which it counts as free (layer 0) or nothing
   uint64_t seed = 1;
