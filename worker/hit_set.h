@@ -26,8 +26,6 @@ struct SurfaceHit {
 /// What one side of a vertex sees along its lattice's directions: traced once, kept between layers. The rays
 /// of the finest level only tell how much of their parent is blocked.
 struct HitSet {
-  static constexpr int kLevels = HemisphereLattice::kLevels - 1;  ///< that have samples: cells, quarters
-
   /// A sample's outcome. kPartial + 4 * blocked + (leaving - 1): of four finer rays `leaving` (1 .. 4) leave
   /// the surface, and `blocked` of them met another.
   enum Outcome : uint8_t { kFree = 0, kHit = 1, kInvalid = 2, kSplit = 3, kPartial = 4 };

@@ -4,7 +4,6 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
 
 #include "common/archive/lobe_codec.h"
@@ -95,12 +94,12 @@ LayerLight::LayerLight(const BakeDomain& domain, const DirectionGrid& grid, cons
       layer_(layer),
       lobes_(static_cast<int>(views.specular.size())),
       words_((grid.size() + kWordColumns - 1) / kWordColumns),
-      head_((words_ * sizeof(uint64_t) + sizeof(Entry) - 1) / sizeof(Entry)) {
+      head_((words_ * sizeof(uint64_t) + sizeof(Entry) - 1) / sizeof(Entry)),
+      samplers_(MakeSliceSamplers(domain.shapes)) {
 #if defined(__x86_64__)
   wide_ = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi") && __builtin_cpu_supports("bmi2") &&
           __builtin_cpu_supports("popcnt");
 #endif
-  for (const BrdfShape& shape : domain.shapes) samplers_.emplace_back(shape);
   Entry absent{};
   if (layer == 0) absent = {{EncodeHalf(1), EncodeHalf(1), 0, 0}, {0, 0, 0}, EncodeHalf(1)};
   absent_.assign(static_cast<size_t>(std::max(lobes_, 1)), absent);
@@ -114,15 +113,10 @@ void LayerLight::PackSurface() {
   triangles_.reserve(domain_.triangles.size());
   for (size_t i = 0; i < domain_.triangles.size(); ++i) {
     const auto& t = domain_.triangles[i];
-    // In double: products of a tiny or a huge scene's edges leave the range of floats.
-    const glm::dvec3 p(domain_.positions[t[0]]);
-    const glm::dvec3 cross =
-        glm::cross(glm::dvec3(domain_.positions[t[1]]) - p, glm::dvec3(domain_.positions[t[2]]) - p);
-    const double length = glm::length(cross);
     const bool one_shape =
         domain_.shape[t[0]] == domain_.shape[t[1]] && domain_.shape[t[0]] == domain_.shape[t[2]];
-    triangles_.push_back({t, length > 0 ? glm::vec3(cross / length) : glm::vec3(0),
-                          domain_.triangle_double_sided[i], one_shape});
+    triangles_.push_back(
+        {t, domain_.FaceNormal(static_cast<uint32_t>(i)), domain_.triangle_double_sided[i], one_shape});
   }
   vertices_.reserve(domain_.vertex_count());
   for (uint32_t v = 0; v < domain_.vertex_count(); ++v)

@@ -27,9 +27,10 @@ constexpr int kMaxDrawsPerRay = 16;
 class PaperGatherer : public Gatherer {
  public:
   PaperGatherer(const GatherInput& input, const BakeSettings& settings)
-      : input_(input), settings_(settings), surface_(input.domain, input.rays.epsilon()) {
-    for (const BrdfShape& shape : input.domain.shapes) samplers_.emplace_back(shape);
-  }
+      : input_(input),
+        settings_(settings),
+        surface_(input.domain, input.rays.epsilon()),
+        samplers_(MakeSliceSamplers(input.domain.shapes)) {}
 
   void BeginLayer(int layer, const LayerViews* previous, int threads) override {
     layer_ = layer;

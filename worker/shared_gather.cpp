@@ -47,9 +47,8 @@ class SharedGatherer : public Gatherer {
       : input_(input),
         settings_(settings),
         kernels_(SelectGatherKernels()),
-        cache_(input_, settings_, memory_bytes) {
-    for (const BrdfShape& shape : input.domain.shapes) samplers_.emplace_back(shape);
-  }
+        samplers_(MakeSliceSamplers(input.domain.shapes)),
+        cache_(input_, settings_, memory_bytes) {}
 
   void BeginLayer(int layer, const LayerViews* previous, int threads) override {
     light_.reset();

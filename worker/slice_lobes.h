@@ -20,7 +20,7 @@ struct UnoccludedSlice {
   /// A lobe's direction, world.
   glm::vec3 Direction(const BrdfLobe& lobe) const { return axes[0] * lobe.mu_x + axes[1] * lobe.mu_z; }
   /// Lobe k as it is read out whole (AboveHorizon): what the stored one is relative to.
-  BrdfLobe Seen(const SliceSampler& sampler, int k) const { return sampler.Seen(cos_o).lobe[k]; }
+  BrdfLobe Seen(const SliceSampler& sampler, int k) const { return sampler.SeenLobe(cos_o, k); }
 };
 
 }  // namespace glint

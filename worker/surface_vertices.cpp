@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
 
 namespace glint {
@@ -27,11 +26,7 @@ SurfaceVertices::SurfaceVertices(const BakeDomain& domain, float epsilon)
   std::vector<float> weight(domain.vertex_count(), 0.0f);
   for (const auto& t : domain.triangles) {
     const glm::vec3 p[3] = {domain.positions[t[0]], domain.positions[t[1]], domain.positions[t[2]]};
-    // In double: products of a tiny or a huge scene's edges leave the range of floats.
-    const glm::dvec3 cross =
-        glm::cross(glm::dvec3(p[1]) - glm::dvec3(p[0]), glm::dvec3(p[2]) - glm::dvec3(p[0]));
-    const double area2 = glm::length(cross);
-    const glm::vec3 face = area2 > 0 ? glm::vec3(cross / area2) : glm::vec3(0);
+    const glm::vec3 face = domain.FaceNormal(static_cast<uint32_t>(face_normal_.size()));
     face_normal_.push_back(face);
     for (int i = 0; i < 3; ++i) {
       const uint32_t v = t[i];

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/common.hpp>
-#include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
 
 #include "common/archive/lobe_codec.h"
@@ -149,10 +148,7 @@ std::array<glm::vec3, 2> IncidenceAxes(const glm::vec3& normal, const glm::vec3&
 }
 
 TransferReader::TransferReader(const BakeDomain& domain, const DirectionGrid& grid)
-    : domain_(domain), grid_(grid) {
-  samplers_.reserve(domain.shapes.size());
-  for (const BrdfShape& shape : domain.shapes) samplers_.emplace_back(shape);
-}
+    : domain_(domain), grid_(grid), samplers_(MakeSliceSamplers(domain.shapes)) {}
 
 BrdfSlice TransferReader::BlendSlices(const std::array<uint32_t, 3>& vertex,
                                       const std::array<float, 3>& weight, float cos_o) const {
@@ -188,12 +184,8 @@ BrdfSlice TransferReader::BlendSlices(const std::array<uint32_t, 3>& vertex,
 bool TransferReader::OrientNormal(uint32_t triangle, const std::array<float, 3>& barycentric,
                                   TransferPoint* point) const {
   const auto& t = domain_.triangles[triangle];
-  // In double: products of a tiny or a huge scene's edges leave the range of floats.
-  const glm::dvec3 p(domain_.positions[t[0]]);
-  const glm::dvec3 cross =
-      glm::cross(glm::dvec3(domain_.positions[t[1]]) - p, glm::dvec3(domain_.positions[t[2]]) - p);
-  const double area2 = glm::length(cross);
-  glm::vec3 face = area2 > 0 ? glm::vec3(cross / area2) : point->wo;
+  glm::vec3 face = domain_.FaceNormal(triangle);
+  if (face == glm::vec3(0)) face = point->wo;
   point->back = glm::dot(face, point->wo) < 0;
   if (point->back && !domain_.triangle_double_sided[triangle]) return false;
   const float side = point->back ? -1.0f : 1.0f;

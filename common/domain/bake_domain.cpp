@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/common.hpp>
+#include <glm/ext/vector_double3.hpp>
+#include <glm/geometric.hpp>
 #include <map>
 #include <set>
 #include <string>
@@ -37,6 +39,14 @@ void LimitShapes(std::vector<ShapeKey>& shape_of_vertex) {
 }
 
 }  // namespace
+
+glm::vec3 BakeDomain::FaceNormal(uint32_t triangle) const {
+  const auto& t = triangles[triangle];
+  const glm::dvec3 p(positions[t[0]]);
+  const glm::dvec3 cross = glm::cross(glm::dvec3(positions[t[1]]) - p, glm::dvec3(positions[t[2]]) - p);
+  const double length = glm::length(cross);
+  return length > 0 ? glm::vec3(cross / length) : glm::vec3(0);
+}
 
 Brdf ToBrdf(const SurfacePoint& point) {
   Brdf brdf;

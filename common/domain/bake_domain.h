@@ -27,6 +27,9 @@ struct BakeDomain {
   uint32_t vertex_count() const { return static_cast<uint32_t>(positions.size()); }
   int max_lobes() const;  ///< largest number of specular lobes of any shape
   bool has_diffuse() const;
+  /// Unit geometric normal; 0 for a triangle without area. In double: products of a tiny or a huge scene's
+  /// edges leave the range of floats.
+  glm::vec3 FaceNormal(uint32_t triangle) const;
   Brdf VertexBrdf(uint32_t v) const {
     return {shapes[shape[v]].model, shapes[shape[v]].shape, specular[v], diffuse[v]};
   }

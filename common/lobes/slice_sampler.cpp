@@ -31,25 +31,34 @@ SliceSampler::Position SliceSampler::Find(float cos_o) const {
   return {nodes_.data() + static_cast<ptrdiff_t>(node) * lobes_, x - static_cast<float>(node)};
 }
 
-BrdfSlice SliceSampler::Interpolate(float cos_o, int form) const {
+BrdfLobe SliceSampler::InterpolateLobe(const Position& position, float c, float s, int k, Form form) const {
+  const Node &a = position.node[k], &b = position.node[lobes_ + k];
+  const float t = position.t;
+  const float along = a.along[form] + t * (b.along[form] - a.along[form]);
+  const float across = a.across[form] + t * (b.across[form] - a.across[form]);
+  const float inverse = 1 / std::sqrt(along * along + across * across);
+  BrdfLobe lobe;
+  lobe.mu_x = (c * across - s * along) * inverse;
+  lobe.mu_z = (c * along + s * across) * inverse;
+  lobe.kappa = a.kappa[form] + t * (b.kappa[form] - a.kappa[form]);
+  lobe.scale = a.scale + t * (b.scale - a.scale);
+  lobe.bias = a.bias + t * (b.bias - a.bias);
+  lobe.above = a.above + t * (b.above - a.above);
+  return lobe;
+}
+
+BrdfSlice SliceSampler::Interpolate(float cos_o, Form form) const {
   const float c = std::clamp(cos_o, kMinCosine, 1.0f), s = std::sqrt((1 - c) * (1 + c));
-  const auto [node, t] = Find(c);
+  const Position position = Find(c);
   BrdfSlice out;
   out.lobes = lobes_;
-  for (int k = 0; k < lobes_; ++k) {
-    const Node &a = node[k], &b = node[lobes_ + k];
-    BrdfLobe& lobe = out.lobe[k];
-    const float along = a.along[form] + t * (b.along[form] - a.along[form]);
-    const float across = a.across[form] + t * (b.across[form] - a.across[form]);
-    const float inverse = 1 / std::sqrt(along * along + across * across);
-    lobe.mu_x = (c * across - s * along) * inverse;
-    lobe.mu_z = (c * along + s * across) * inverse;
-    lobe.kappa = a.kappa[form] + t * (b.kappa[form] - a.kappa[form]);
-    lobe.scale = a.scale + t * (b.scale - a.scale);
-    lobe.bias = a.bias + t * (b.bias - a.bias);
-    lobe.above = a.above + t * (b.above - a.above);
-  }
+  for (int k = 0; k < lobes_; ++k) out.lobe[k] = InterpolateLobe(position, c, s, k, form);
   return out;
+}
+
+BrdfLobe SliceSampler::SeenLobe(float cos_o, int k) const {
+  const float c = std::clamp(cos_o, kMinCosine, 1.0f), s = std::sqrt((1 - c) * (1 + c));
+  return InterpolateLobe(Find(c), c, s, k, kSeen);
 }
 
 void SliceSampler::Weights(float cos_o, BrdfSlice* out) const {
@@ -60,6 +69,10 @@ void SliceSampler::Weights(float cos_o, BrdfSlice* out) const {
     out->lobe[k].scale = a.scale + t * (b.scale - a.scale);
     out->lobe[k].bias = a.bias + t * (b.bias - a.bias);
   }
+}
+
+std::vector<SliceSampler> MakeSliceSamplers(const std::vector<BrdfShape>& shapes) {
+  return {shapes.begin(), shapes.end()};
 }
 
 }  // namespace glint

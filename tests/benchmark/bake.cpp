@@ -104,12 +104,12 @@ class Contest {
         domain_(BuildBakeDomain(scene, args.settings.fit, threads_)),
         grid_(args.settings.grid_level),
         rays_(scene, threads_),
-        input_{domain_, rays_, grid_} {
+        input_{domain_, rays_, grid_},
+        samplers_(MakeSliceSamplers(domain_.shapes)) {
     BakeSettings paper = args.settings, truth = args.settings;
     paper.method = truth.method = GatherMethod::kPaper;
     truth.paper_rays = args.truth_rays;
     truth.drop = 0;
-    for (const BrdfShape& shape : domain_.shapes) samplers_.emplace_back(shape);
     truth.seed = args.settings.seed + 1;
     truth_[0] = MakeGatherer(input_, truth, 0);
     truth.seed = args.settings.seed + 2;
