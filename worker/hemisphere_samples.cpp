@@ -8,7 +8,7 @@ namespace glint {
 namespace {
 
 /// Neighbouring cells are looked at again if what they send differs by more: part of a white mirror's light.
-constexpr float kUnlikeLight = 0.3f;
+constexpr float kUnlikeLight = 0.25f;
 
 bool Unlike(const HitLight& a, const HitLight& b) {
   const glm::vec3 moment = a.moment - b.moment;
@@ -133,7 +133,7 @@ void HemisphereSamples::LookAgain(const LatticePose& pose, const RayScene& rays,
       ray.direction = pose.frame.ToWorld(pose.lattice.direction(1, 4 * hit_cell_[h] + q));
     }
   found_.resize(rays_.size());
-  rays.IntersectCoherent(rays_.data(), found_.data(), static_cast<int>(rays_.size()));
+  rays.Intersect(rays_.data(), found_.data(), static_cast<int>(rays_.size()));
   queries_.clear();
   for (size_t i = 0; i < rays_.size(); ++i)
     if (found_[i].hit())

@@ -104,7 +104,7 @@ class Fan {
       rays[i].origin = side_.origin;
       rays[i].direction = frame_.ToWorld(lattice_.direction(level, l.index[l.traced[i]]));
     }
-    input_.rays.IntersectCoherent(rays.data(), found.data(), static_cast<int>(count));
+    input_.rays.Intersect(rays.data(), found.data(), static_cast<int>(count));
     for (size_t i = 0; i < count; ++i) {
       l.hits[l.traced[i]] = found[i];
       l.outcome[l.traced[i]] = Classify(rays[i].direction, found[i]);
