@@ -39,6 +39,7 @@ struct Side {
   SampleArrays arrays;
   float* lobe_weights;  ///< HitSet::lobe_weights
   float max_kappa;
+  glm::vec3 geometric;  ///< VertexSide::geometric
 };
 
 class SharedGatherer : public Gatherer {
@@ -96,6 +97,7 @@ class SharedGatherer : public Gatherer {
     side.lobe_weights = hits.lobe_weights.data();
     if (light_) side.samples->Shade(hits, side.frame, *light_);
     side.arrays = side.samples->arrays();
+    side.geometric = cache_.surface().side(v, s).geometric;
     side.max_kappa = kKappaPerSample * static_cast<float>(lattice.cells());
     scratch->tiles.resize(std::max<size_t>(scratch->tiles.size(), lattice.tiles() + kLanes));
     return side;
@@ -109,26 +111,27 @@ class SharedGatherer : public Gatherer {
     const UnoccludedSlice slice(sampler, side.frame.n, wo);
     for (int k = 0; k < sampler.lobes(); ++k) {
       const float fitted = slice.lobes.lobe[k].kappa, kappa = std::min(fitted, side.max_kappa);
-      const glm::vec3 local = side.frame.ToLocal(slice.Direction(slice.lobes.lobe[k]));
+      const glm::vec3 mu = slice.Direction(slice.lobes.lobe[k]), local = side.frame.ToLocal(mu);
       const float cosine = std::max(-1.0f, 1 - kCutoff / std::max(kappa, 1.0f));
       const QueryCone cone{local.x, local.y, local.z, cosine, std::sqrt(1 - cosine * cosine)};
-      if (!kernels_.any_tile(side.samples->blocked_cones(), cone)) continue;
       const LobeWeight weight{local.x, local.y, local.z, kappa * kLog2E};
+      const bool sunk = glm::dot(mu, side.geometric) < 0 && SumDirect(side, cone, weight, scratch).all <= 0;
+      if (!sunk && !kernels_.any_tile(side.samples->blocked_cones(), cone)) continue;
       const BrdfLobe seen = slice.Seen(sampler, k);
       const float resolution = std::min(kappa / std::max(fitted, 1e-6f), 1.0f);
       const SliceLobe lobe{slice.Direction(seen), seen.kappa, resolution};
       float& all = side.lobe_weights[column * static_cast<size_t>(input_.domain.max_lobes()) + k];
       if (!light_) {
-        const DirectSums sums = SumDirect(side, cone, weight, scratch);
+        const DirectSums sums = sunk ? SumDirectCosine(side) : SumDirect(side, cone, weight, scratch);
         all = sums.all;
         const DirectMoments moments =
             ToMoments(sums, side, lobe.mu, 1 - DeltaFromKappa(lobe.resolved_kappa()));
         StoreDirect(FitDirect(lobe, moments, settings_.drop), static_cast<uint16_t>(column),
                     &result->slots[k]);
       } else {
-        if (all < 0) all = SumDirect(side, cone, weight, scratch).all;
-        IndirectSums sums = SumIndirect(side, cone, weight, scratch);
-        sums.all = all;
+        if (all < 0 && !sunk) all = SumDirect(side, cone, weight, scratch).all;
+        IndirectSums sums = sunk ? SumIndirectCosine(side) : SumIndirect(side, cone, weight, scratch);
+        if (!sunk) sums.all = all;
         StoreIndirect(FitIndirect(lobe, ToMoments(sums), settings_.drop), static_cast<uint16_t>(column),
                       &result->slots[k]);
       }
@@ -155,6 +158,19 @@ class SharedGatherer : public Gatherer {
     return sums;
   }
 
+  /// The cosine lobe's; also those of a lobe that is sunk under the faces around: what the surface sees is
+  /// the best that is known of it.
+  DirectSums SumDirectCosine(const Side& side) const {
+    DirectSums sums;
+    kernels_.direct_cosine(side.arrays, side.samples->tiles(), &sums);
+    return sums;
+  }
+  IndirectSums SumIndirectCosine(const Side& side) const {
+    IndirectSums sums;
+    kernels_.indirect_cosine(side.arrays, side.samples->tiles(), &sums);
+    return sums;
+  }
+
   void GatherDiffuse(uint32_t v, int s, const Side& side, BlockResult* result) {
     const glm::vec3& diffuse = input_.domain.diffuse[v];
     if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
@@ -163,14 +179,12 @@ class SharedGatherer : public Gatherer {
     const SliceLobe lobe{side.frame.n, kCosineKappa};
     BlockRows* rows = &result->slots.back();
     if (!light_) {
-      DirectSums sums;
-      kernels_.direct_cosine(side.arrays, side.samples->tiles(), &sums);
+      const DirectSums sums = SumDirectCosine(side);
       StoreDirect(FitDirect(lobe, ToMoments(sums, side, lobe.mu, 2.0 / 3), settings_.drop),
                   static_cast<uint16_t>(s), rows);
     } else {
-      IndirectSums sums;
-      kernels_.indirect_cosine(side.arrays, side.samples->tiles(), &sums);
-      StoreIndirect(FitIndirect(lobe, ToMoments(sums), settings_.drop), static_cast<uint16_t>(s), rows);
+      StoreIndirect(FitIndirect(lobe, ToMoments(SumIndirectCosine(side)), settings_.drop),
+                    static_cast<uint16_t>(s), rows);
     }
   }
 
