@@ -181,13 +181,11 @@ TEST(LobeTest, AntipodalLobesAreKeptApartUnlessTheyAreBroad) {
       moment += double{lobes.lobe[i].alpha.x} * MeanCosineFromKappa(lobes.lobe[i].kappa) *
                 glm::dvec3(lobes.lobe[i].mu);
     const double weight = point.slice.lobe[0].Weight(point.specular).x;
-    char name[80];
-    std::snprintf(name, sizeof name, "antipodal lobes, kappa %g, read as %d: first moment left", kappa,
-                  lobes.count);
-    ExpectAtMost(name, glm::length(moment) / weight, kappa > 1 ? 1e-3 : MeanCosineFromKappa(kappa) + 1e-3);
+    const std::string name = "antipodal lobes, kappa " + Short(kappa);
+    ExpectAtMost(name + ", read as " + Short(lobes.count) + ": first moment left",
+                 glm::length(moment) / weight, kappa >= 1 ? 1e-3 : MeanCosineFromKappa(kappa) + 1e-3);
     const HitLight gathered = table.Gathered(0.5f, 0, wo);
-    std::snprintf(name, sizeof name, "antipodal lobes, kappa %g, gathered: first moment left", kappa);
-    ExpectAtMost(name, glm::length(gathered.moment) / weight, 1e-3);
+    ExpectAtMost(name + ", gathered: first moment left", glm::length(gathered.moment) / weight, 1e-3);
   }
 }
 
@@ -237,11 +235,10 @@ TEST_P(LobeMethodTest, HalfOccludedLobes) {
       worst = std::max(worst, std::abs(error));
       ++count;
     }
-    char name[96];
-    std::snprintf(name, sizeof name,
-                  "half-occluded lobes, exponent %g, %s: rms error of the free part (worst %.2g)", exponent,
-                  NameOf(GetParam()).c_str(), worst);
-    ExpectAtMost(name, std::sqrt(square / count), 0.04);
+    const std::string name = "half-occluded lobes, exponent " + Short(exponent) + ", " + NameOf(GetParam());
+    const bool shared = GetParam() == GatherMethod::kShared;
+    ExpectAtMost(name + ": rms error of the free part", std::sqrt(square / count), shared ? 0.02 : 0.04);
+    ExpectAtMost(name + ": worst", worst, shared ? 0.1 : 0.15);
   }
 }
 

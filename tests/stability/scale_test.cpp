@@ -77,18 +77,14 @@ class Comparison {
 class ScaleTest : public testing::TestWithParam<GatherMethod> {
  protected:
   SmallBake Options() const { return {.method = GetParam(), .layers = 1, .rays = 512}; }
-  std::string Named(const char* format, double value) const {
-    char text[96];
-    std::snprintf(text, sizeof text, format, value);
-    return text + (", " + NameOf(GetParam()));
-  }
+  std::string Named(const std::string& what) const { return what + ", " + NameOf(GetParam()); }
 };
 
 TEST_P(ScaleTest, PowersOfTwoGiveTheSameBytes) {
   const Baked unit(Placed(1, 0), Options());
   for (const int power : {-40, -20, -10, 10, 20, 40}) {
     const Baked scaled(Placed(std::exp2(power), 0), Options());
-    ExpectAtMost(Named("scale 2^%g: entries of other bytes", power),
+    ExpectAtMost(Named("scale 2^" + Short(power) + ": entries of other bytes"),
                  static_cast<double>(Comparison(unit, scaled).result().entries), 0);
   }
 }
@@ -98,8 +94,9 @@ TEST_P(ScaleTest, AnyUnitGivesTheSameSlices) {
   for (const double scale : {1e-12, 1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9, 1e12}) {
     const Baked scaled(Placed(scale, 0), Options());
     const Difference difference = Comparison(unit, scaled).result();
-    ExpectAtMost(Named("scale %g: rms change of free parts", scale), difference.direct, 0.01);
-    ExpectAtMost(Named("scale %g: rms change of indirect light", scale), difference.indirect, 0.01);
+    ExpectAtMost(Named("scale " + Short(scale) + ": rms change of free parts"), difference.direct, 0.01);
+    ExpectAtMost(Named("scale " + Short(scale) + ": rms change of indirect light"), difference.indirect,
+                 0.01);
   }
 }
 
@@ -112,8 +109,9 @@ TEST_P(ScaleTest, FarFromTheOriginSlicesChangeWithTheResolutionOfFloats) {
     const Baked moved(Placed(1, offset), Options());
     const Difference difference = Comparison(unit, moved).result();
     const double bound = 0.01 + offset * 0x1p-16;
-    ExpectAtMost(Named("offset %g: rms change of free parts", offset), difference.direct, bound);
-    ExpectAtMost(Named("offset %g: rms change of indirect light", offset), difference.indirect, bound);
+    ExpectAtMost(Named("offset " + Short(offset) + ": rms change of free parts"), difference.direct, bound);
+    ExpectAtMost(Named("offset " + Short(offset) + ": rms change of indirect light"), difference.indirect,
+                 bound);
   }
 }
 
@@ -140,9 +138,8 @@ TEST(ScaleReferenceTest, ThePathTracerSeesTheSamePictureInAnyUnit) {
     double sum = 0;
     for (const glm::vec4& pixel : result->picture.pixels) sum += Luminance(glm::vec3(pixel));
     mean.push_back(sum / static_cast<double>(result->picture.pixels.size()));
-    char name[96];
-    std::snprintf(name, sizeof name, "reference, scale %g: relative change of the picture's mean", scale);
-    ExpectAtMost(name, std::abs(mean.back() / mean[0] - 1), 0.005);
+    ExpectAtMost("reference, scale " + Short(scale) + ": relative change of the picture's mean",
+                 std::abs(mean.back() / mean[0] - 1), 0.005);
   }
 }
 

@@ -18,6 +18,12 @@ void ExpectAtMost(const std::string& what, double value, double bound) {
   EXPECT_LE(value, bound) << what;
 }
 
+std::string Short(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
 std::string NameOf(GatherMethod method) { return method == GatherMethod::kShared ? "shared" : "paper"; }
 
 Material Lambert(const glm::vec3& albedo) {

@@ -19,6 +19,9 @@ namespace glint::stability {
 /// Prints one measurement, a line of its own that docs/stability.md quotes, and fails beyond the bound.
 void ExpectAtMost(const std::string& what, double value, double bound);
 
+/// A number in three digits or fewer, as the measurements' names have it.
+std::string Short(double value);
+
 std::string NameOf(GatherMethod method);
 
 /// Reflects `albedo` the same from everywhere to everywhere.
