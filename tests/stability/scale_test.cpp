@@ -108,7 +108,7 @@ TEST_P(ScaleTest, FarFromTheOriginSlicesChangeWithTheResolutionOfFloats) {
     const double offset = std::exp2(power);
     const Baked moved(Placed(1, offset), Options());
     const Difference difference = Comparison(unit, moved).result();
-    const double bound = 0.01 + offset * 0x1p-16;
+    const double bound = 0.01 + offset * 0x1p-18;
     ExpectAtMost(Named("offset " + Short(offset) + ": rms change of free parts"), difference.direct, bound);
     ExpectAtMost(Named("offset " + Short(offset) + ": rms change of indirect light"), difference.indirect,
                  bound);
