@@ -106,7 +106,9 @@ float SceneEpsilon(const Scene& scene) {
 
 // Embree gives no barycentric co-ordinates for triangles whose area is below about 1e-18: scenes are traced
 // at a size of about one. The power of two makes that exact.
-float ToUnitSize(float epsilon) { return std::ldexp(1.0f, std::clamp(-std::ilogb(1e5f * epsilon), -100, 100)); }
+float ToUnitSize(float epsilon) {
+  return std::ldexp(1.0f, std::clamp(-std::ilogb(1e5f * epsilon), -100, 100));
+}
 
 std::string InstructionSet(RTCDevice device) {
   if (rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED)) return "avx512";
