@@ -128,9 +128,10 @@ TEST_P(GeometryTest, CoincidentSurfacesAreOneSurface) {
       indirect += twice.ReflectedAt(v, up, 1).x;
       expected += once.ReflectedAt(v, up, 1).x;
     }
-    // Which of two faces in one place a ray meets is the ray tracer's choice, and the back of one is black.
+    // Which of two faces in one place a ray meets is the ray tracer's choice, and the back of one is black:
+    // nothing can be said of what is lost there.
     ExpectAtMost(Named(name + ": indirect light, gained"), indirect / expected - 1, 0.05);
-    ExpectAtMost(Named(name + ": indirect light, lost"), 1 - indirect / expected, turned ? 1 : 0.05);
+    if (!turned) ExpectAtMost(Named(name + ": indirect light, lost"), 1 - indirect / expected, 0.05);
   }
 }
 

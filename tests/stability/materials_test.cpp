@@ -75,7 +75,8 @@ class MaterialTest : public testing::TestWithParam<GatherMethod> {
 TEST_P(MaterialTest, LayersCarryWhatPathsCarryAtAnyRoughness) {
   const PrefilteredEnvironment sky(sky_, 1);
   for (const float roughness : {0.02f, 0.25f, 0.5f, 1.0f}) {
-    const Baked baked(OpenBox(Metal(roughness, glm::vec3(0.9f))), {.method = GetParam(), .layers = 3});
+    const Baked baked(OpenBox(Metal(roughness, glm::vec3(0.9f))),
+                      {.method = GetParam(), .layers = 3, .max_rays = 2048});
     ExpectAtMost("open box, roughness " + Short(roughness) + ", " + NameOf(GetParam()) +
                      ": relative error of the light",
                  ErrorOfLight(baked, sky), 0.1);
@@ -86,7 +87,8 @@ TEST_P(MaterialTest, LayersCarryWhatPathsCarryAtAnyRoughness) {
 TEST_P(MaterialTest, MirrorsInAnOpenBoxGiveBackWhatTheyGet) {
   const PrefilteredEnvironment sky(sky_, 1);
   for (const float roughness : {0.0f, 0.02f}) {
-    const Baked baked(OpenBox(Metal(roughness)), {.method = GetParam(), .layers = 12});
+    const Baked baked(OpenBox(Metal(roughness)),
+                      {.method = GetParam(), .layers = 12, .rays = 256, .max_rays = 1024});
     ArchiveRenderOptions all;
     all.threads = 1;
     ArchiveRenderer renderer(baked.archive(), sky, all);

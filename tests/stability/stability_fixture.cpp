@@ -91,6 +91,7 @@ BakeOptions ToOptions(const SmallBake& small) {
   options.settings.method = small.method;
   options.settings.grid_level = small.grid_level;
   options.settings.min_rays = small.rays;
+  options.settings.max_rays = small.max_rays;
   options.settings.paper_rays = small.rays / 4;
   options.max_layers = small.layers;
   options.layer_tolerance = 0;

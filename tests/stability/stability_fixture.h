@@ -47,9 +47,10 @@ double FreeBesideWall(double x);
 /// How a small scene is baked.
 struct SmallBake {
   GatherMethod method = GatherMethod::kShared;
-  int layers = 0;      ///< indirect ones
-  int grid_level = 1;  ///< 42 directions
-  int rays = 1024;     ///< kShared: at least; kPaper: per slice, a quarter of it
+  int layers = 0;       ///< indirect ones
+  int grid_level = 1;   ///< 42 directions
+  int rays = 1024;      ///< kShared: at least; kPaper: per slice, a quarter of it
+  int max_rays = 8192;  ///< kShared: at most
 };
 
 /// A scene baked, checked and opened again.
