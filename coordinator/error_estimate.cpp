@@ -105,7 +105,7 @@ Json ToJson(const ErrorSummary& summary) {
 
 }  // namespace
 
-uint32_t DefaultEstimateSlices(uint32_t vertices) { return std::clamp(vertices / 24, 64u, 1024u); }
+uint32_t DefaultEstimateSlices(uint32_t vertices) { return std::clamp(vertices / 10, 64u, 2048u); }
 
 std::string ToJson(const ErrorEstimate& estimate) {
   Json json = {{"slices", estimate.slices}, {"all", ToJson(estimate.all)}, {"layers", Json::array()}};

@@ -31,8 +31,10 @@ inline constexpr std::array<const char*, kErrorCauses> kErrorCauseNames = {"lobe
 /// Raised whenever a change makes other estimates of the same archive: part of an archive's key.
 inline constexpr int kEstimateRevision = 1;
 
+inline constexpr int kMaxEstimateSlices = 1 << 20;
+
 struct EstimateOptions {
-  uint32_t slices = 0;  ///< to test
+  uint32_t slices = 0;  ///< to test, at most kMaxEstimateSlices
   uint64_t seed = 1;
   float drop = 0;   ///< the bake's (BakeSettings)
   int threads = 0;  ///< 0: all cores; the estimate does not depend on it

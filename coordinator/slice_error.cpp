@@ -89,7 +89,7 @@ std::vector<IndirectMoments> MomentsFromPaths(const PathFan& fan, int layers) {
 /// A fan's light as it is: no lobe stands in for it. Paths under the face bring none.
 void AddPaths(const PathFan& fan, const glm::vec3& weight, const TestSlice& slice,
               std::vector<SkyLight>* out) {
-  const float share = 1.0f / static_cast<float>(fan.paths.size());
+  const float share = 1.0f / static_cast<float>(std::max<size_t>(fan.paths.size(), 1));
   for (const FanPath& path : fan.paths) {
     if (!path.leaves || path.layer < 0) continue;
     const glm::vec3 beta = weight * path.beta * share;
@@ -239,7 +239,6 @@ void SliceTester::AskOwn(const TestSlice& slice, int half, bool causes, Answers*
   auto ask = [&](int slot, uint16_t column, const glm::vec3& weight, const TransferLobe& lobe) {
     tracer_.Trace(own, point.wo, slot, kPathsPerFan,
                   SeedOf(seed_, slice, half, static_cast<uint32_t>(slot + 1)), &fan);
-    if (fan.paths.empty()) return;
     AddPaths(fan, weight, slice, &light[kTruth]);
     if (!causes) return;
     AddReadOut(fan, lobe, slice, &light[StageOf(ErrorCause::kLobes)]);
@@ -326,7 +325,6 @@ void SliceTester::GatherRow(const TestSlice& slice, const Row& row, int half, Pr
   PathFan fan;
   auto add = [&](int slot, uint16_t column, const glm::vec3& wo, uint32_t id) {
     tracer_.Trace(row.point, wo, slot, kPathsPerFan, SeedOf(seed_, slice, half, row.id << 8 | id), &fan);
-    if (fan.paths.empty()) return;
     paths->Add(slot, column, fan, MomentsFromPaths(fan, layers()));
     if (below != nullptr) below->Add(slot, column, fan, MomentsFromBelow(fan));
   };

@@ -160,6 +160,8 @@ std::string ToText(const Json& d) {
     if (layer.contains("slices"))
       Line(out, "%-6d %12llu %12llu %12llu %14.5f", layer["layer"].get<int>(), layer["slices"].get<Count>(),
            layer["stored"].get<Count>(), layer["absent"].get<Count>(), layer["relative_light"].get<double>());
+  if (const auto error = d["bake"].find("error"); d["bake"].is_object() && error != d["bake"].end())
+    out += '\n' + ErrorTable(*error);
   Line(out, "\n%-6s %-16s %-8s %10s %8s %12s %8s %7s %12s", "layer", "table", "form", "rows", "columns",
        "stored", "density", "fill", "index bytes");
   for (const Json& layer : d["layers"]) {

@@ -52,7 +52,8 @@ void PathFanTracer::Trace(const SlicePoint& point, const glm::vec3& wo, int slot
     if (path.leaves) Follow(&rng, &path);
 }
 
-/// First directions: those that the lobe sends under the surface are drawn again, since it ends there.
+/// First directions: those that the lobe sends under the surface are drawn again, since it ends there; at a
+/// vertex also those under the faces around, since gathering shares their weight among the others.
 void PathFanTracer::Start(const SlicePoint& point, const glm::vec3& wo, int slot, int count,
                           const glm::vec2& offset, PathFan* fan) const {
   const glm::vec3& normal = point.side.normal;
@@ -76,7 +77,9 @@ void PathFanTracer::Start(const SlicePoint& point, const glm::vec3& wo, int slot
   for (int i = 0; i < kMaxDrawsPerPath * count && static_cast<int>(fan->paths.size()) < count; ++i) {
     const glm::vec2 u = SequencePoint(offset, i);
     const glm::vec3 direction = SampleVmf(drawn, u.x, u.y);
-    if (glm::dot(direction, normal) > 0) add(direction);
+    if (glm::dot(direction, normal) <= 0) continue;
+    if (point.vertex != kNone && glm::dot(direction, point.side.geometric) <= 0) continue;
+    add(direction);
   }
 }
 
@@ -132,6 +135,7 @@ DirectMoments DirectMomentsOf(const PathFan& fan) {
     blocked += 1;
     blocked_mean += glm::dvec3(path.direction);
   }
+  if (leaving == 0) return {.visible = 0};
   if (blocked == 0) return {};
   const double h = blocked / leaving, r = 1 - static_cast<double>(DeltaFromKappa(fan.lobe.kappa));
   return {1 - h, (1 - h) * r * glm::dvec3(fan.lobe.mu) + h * (all_mean / leaving - blocked_mean / blocked)};

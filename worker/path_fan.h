@@ -79,7 +79,8 @@ class PathFanTracer {
   const std::vector<SliceSampler> samplers_;  ///< of the domain's shapes
 };
 
-/// Moments of a fan's direct light, as gathering takes them: over paths that leave the surface.
+/// Moments of a fan's direct light, as gathering takes them: over paths that leave the surface. Nothing is
+/// visible where none does.
 DirectMoments DirectMomentsOf(const PathFan& fan);
 /// Of the light that comes after `layer` further reflections.
 IndirectMoments IndirectMomentsOf(const PathFan& fan, int layer);

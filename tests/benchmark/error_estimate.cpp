@@ -18,20 +18,15 @@
 #include <cstdlib>
 #include <ctime>
 #include <filesystem>
-#include <glm/common.hpp>
-#include <glm/geometric.hpp>
-#include <glm/trigonometric.hpp>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "common/archive/archive.h"
-#include "common/render/archive_renderer.h"
 #include "common/render/environment.h"
-#include "common/render/prefilter.h"
-#include "common/render/reference.h"
 #include "common/scene/generate.h"
 #include "coordinator/bake.h"
+#include "tests/coordinator/relit_error.h"
 
 namespace glint {
 namespace {
@@ -43,8 +38,8 @@ struct Arguments {
   std::vector<float> exponents = {0};
   std::vector<std::string> skies = {"procedural:studio", "procedural:sunset"};
   uint32_t vertices = 3000;
-  int views = 8, size = 96, spp = 128, threads = 0;
   uint32_t slices = 0;
+  RelitOptions relit;
   BakeOptions bake;
 };
 
@@ -56,74 +51,13 @@ T Need(Result<T> result) {
   std::exit(1);
 }
 
-/// View i: from all around, by turns from low and from high, while the environment turns faster.
-View OrbitView(const std::vector<glm::vec3>& positions, int i, int size) {
-  glm::vec3 low(positions[0]), high(positions[0]);
-  for (const glm::vec3& p : positions) low = glm::min(low, p), high = glm::max(high, p);
-  const float azimuth = glm::radians(20.0f + 45.0f * static_cast<float>(i));
-  const float elevation = glm::radians(i % 2 == 0 ? 20.0f : 45.0f);
-  View view;
-  view.width = view.height = size;
-  view.environment_rotation_deg = 135.0f * static_cast<float>(i);
-  view.camera.vertical_fov = glm::radians(40.0f);
-  view.camera.forward = -glm::vec3(std::cos(elevation) * std::cos(azimuth), std::sin(elevation),
-                                   std::cos(elevation) * std::sin(azimuth));
-  const float distance = 0.5f * glm::length(high - low) / std::sin(0.5f * view.camera.vertical_fov);
-  view.camera.eye = 0.5f * (low + high) - view.camera.forward * distance;
-  return view;
-}
-
-/// Mean over a picture's covered pixels and channels of (picture - truth)^2 / ((picture^2 + truth^2) / 2 +
-/// epsilon^2), epsilon a tenth of the mean. The square is the product of the distances from both halves of
-/// the truth, so that their noise adds nothing.
-double RelativeSquare(const Picture& picture, const ReferenceResult& truth) {
-  double sum = 0, mean = 0, count = 0;
-  auto for_each = [&](const auto& body) {
-    for (size_t p = 0; p < picture.pixels.size(); ++p)
-      for (int c = 0; c < 3 && truth.picture.pixels[p].w == 1; ++c)
-        body(static_cast<double>(picture.pixels[p][c]), static_cast<double>(truth.picture.pixels[p][c]),
-             static_cast<double>(truth.half_difference.pixels[p][c]));
-  };
-  for_each([&](double, double t, double) { mean += t, count += 1; });
-  const double epsilon = 0.1 * mean / count;
-  for_each([&](double a, double t, double half) {
-    sum += ((a - t) * (a - t) - half * half) / (0.5 * (a * a + t * t) + epsilon * epsilon);
-  });
-  return sum / count;
-}
-
-/// Relative error of an archive's pictures under one environment, rms over views.
-double PictureError(const Scene& scene, const Archive& archive, const std::string& sky,
-                    const Arguments& args) {
-  const Environment environment = Need(Environment::Open(sky));
-  const PrefilteredEnvironment prefiltered(environment, args.threads);
-  const RayScene rays(scene, args.threads);
-  ArchiveRenderOptions render_options;
-  render_options.samples = 16;
-  render_options.threads = args.threads;
-  ArchiveRenderer renderer(archive, prefiltered, render_options);
-  ReferenceOptions reference;
-  reference.lobes = true;
-  reference.bounces = static_cast<int>(archive.layers().size()) - 1;
-  reference.samples = args.spp;
-  reference.threads = args.threads;
-  double sum = 0;
-  for (int i = 0; i < args.views; ++i) {
-    const View view = OrbitView(scene.positions, i, args.size);
-    sum +=
-        RelativeSquare(Need(renderer.Render(view)),
-                       Need(RenderReference(scene, rays, &archive.domain(), environment, view, reference)));
-  }
-  return std::sqrt(std::max(0.0, sum / args.views));
-}
-
 ErrorEstimate Estimate(const Scene& scene, const Archive& archive, const Arguments& args) {
   const RayScene rays(scene);
   EstimateOptions options;
   options.slices = args.slices > 0 ? args.slices : DefaultEstimateSlices(archive.domain().vertex_count());
   options.seed = args.bake.settings.seed;
   options.drop = args.bake.settings.drop;
-  options.threads = args.threads;
+  options.threads = args.bake.threads;
   return Need(
       EstimateError(archive.domain(), rays, DirectionGrid(archive.grid_level()), archive.layers(), options));
 }
@@ -155,7 +89,7 @@ void Run(const std::string& name, float exponent, const Arguments& args) {
               estimate.all.rms, estimate.all.uncertainty);
   double sum = 0;
   for (const std::string& sky : args.skies) {
-    const double error = PictureError(scene, archive, sky, args);
+    const double error = Need(RelitError(scene, archive, Need(Environment::Open(sky)), args.relit));
     sum += error * error / static_cast<double>(args.skies.size());
     std::printf(" %.3f |", error);
     std::fflush(stdout);
@@ -190,15 +124,15 @@ Arguments Parse(int argc, char** argv) {
     } else if (key == "--layers") {
       args.bake.max_layers = std::stoi(value);
     } else if (key == "--views") {
-      args.views = std::stoi(value);
+      args.relit.views = std::stoi(value);
     } else if (key == "--size") {
-      args.size = std::stoi(value);
+      args.relit.size = std::stoi(value);
     } else if (key == "--spp") {
-      args.spp = std::stoi(value);
+      args.relit.samples = std::stoi(value);
     } else if (key == "--slices") {
       args.slices = static_cast<uint32_t>(std::stoul(value));
     } else if (key == "--threads") {
-      args.threads = args.bake.threads = std::stoi(value);
+      args.relit.threads = args.bake.threads = std::stoi(value);
     } else {
       std::fprintf(stderr, "unknown option %s\n", key.c_str());
       std::exit(2);
