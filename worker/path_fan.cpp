@@ -90,7 +90,7 @@ void PathFanTracer::MeetFirst(const SlicePoint& point, PathFan* fan) const {
     rays[i].origin = point.side.origin;
     rays[i].direction = fan->paths[i].direction;
   }
-  rays_.IntersectCoherent(rays.data(), hits.data(), static_cast<int>(rays.size()));
+  rays_.Intersect(rays.data(), hits.data(), static_cast<int>(rays.size()));
   for (size_t i = 0; i < hits.size(); ++i) {
     FanPath& path = fan->paths[i];
     path.hit = hits[i];
