@@ -115,6 +115,7 @@ std::string ToJson(const ErrorEstimate& estimate) {
 
 Result<ErrorEstimate> EstimateError(const BakeDomain& domain, const RayScene& rays, const DirectionGrid& grid,
                                     std::span<const LayerViews> layers, const EstimateOptions& options) {
+  if (layers.empty()) return ErrorEstimate{};
   const int threads = ResolveThreadCount(options.threads);
   const SliceTester tester(domain, rays, grid, layers, options.seed, options.drop);
   const Slices slices = DrawSlices(tester, options.slices, threads);

@@ -27,11 +27,6 @@ glm::vec2 SampleTriangle(float u, float v) {
   return {root * (1 - v), root * v};
 }
 
-glm::vec3 SampleCosine(const Frame& frame, const glm::vec2& u) {
-  const float r = std::sqrt(u.x), phi = 2 * kPi * u.y;
-  return frame.ToWorld({r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - u.x)});
-}
-
 glm::vec3 UnitOr(const glm::vec3& v, const glm::vec3& fallback) {
   const float length = glm::length(v);
   return length > 1e-10f ? v / length : fallback;
@@ -162,10 +157,10 @@ bool SliceTester::DrawPoint(CounterRng* rng, TransferPoint* point) const {
   const auto triangle = static_cast<uint32_t>(found - area_up_to_.begin());
   const float side = rng->Uniform();
   const bool back = domain_.triangle_double_sided[triangle] != 0 && side < 0.5f;
-  const Frame frame = Frame::FromNormal(domain_.FaceNormal(triangle) * (back ? -1.0f : 1.0f));
+  const glm::vec3 face = domain_.FaceNormal(triangle) * (back ? -1.0f : 1.0f);
   const float a = rng->Uniform(), b = rng->Uniform(), u = rng->Uniform(), v = rng->Uniform();
   const glm::vec2 place = SampleTriangle(a, b);
-  return reader_.Prepare(triangle, place.x, place.y, SampleCosine(frame, {u, v}), point);
+  return reader_.Prepare(triangle, place.x, place.y, SampleCosine(face, {u, v}), point);
 }
 
 bool SliceTester::SeenFromOutside(const TransferPoint& point) const {

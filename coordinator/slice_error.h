@@ -51,7 +51,7 @@ class SliceTester {
   /// What the archive answers, all layers together.
   SkyLight Predict(const TestSlice& slice) const;
   /// @param epsilon  radiance below which errors count as absolute
-  /// @param causes   looks for the causes as well, which is some ten times the work
+  /// @param causes   looks for the causes as well, which is most of the work
   SliceError Test(const TestSlice& slice, double epsilon, bool causes) const;
 
  private:

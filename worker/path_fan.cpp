@@ -25,12 +25,12 @@ glm::vec2 SequencePoint(const glm::vec2& offset, int i) {
           static_cast<float>(std::clamp(y - std::floor(y), kLeast, kMost))};
 }
 
-glm::vec3 SampleCosine(const Frame& frame, const glm::vec2& u) {
-  const float r = std::sqrt(u.x), phi = 2 * kPi * u.y;
-  return frame.ToWorld({r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - u.x)});
-}
-
 }  // namespace
+
+glm::vec3 SampleCosine(const glm::vec3& normal, const glm::vec2& u) {
+  const float r = std::sqrt(u.x), phi = 2 * kPi * u.y;
+  return Frame::FromNormal(normal).ToWorld({r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - u.x)});
+}
 
 PathFanTracer::PathFanTracer(const BakeDomain& domain, const RayScene& rays, int last_layer)
     : domain_(domain),
@@ -64,9 +64,8 @@ void PathFanTracer::Start(const SlicePoint& point, const glm::vec3& wo, int slot
     path.leaves = glm::dot(direction, point.side.geometric) > 0;
   };
   if (slot == kDiffuse) {
-    const Frame frame = Frame::FromNormal(normal);
     fan->lobe = {normal, kCosineKappa};
-    for (int i = 0; i < count; ++i) add(SampleCosine(frame, SequencePoint(offset, i)));
+    for (int i = 0; i < count; ++i) add(SampleCosine(normal, SequencePoint(offset, i)));
     return;
   }
   const SliceSampler& sampler = samplers_[point.shape];

@@ -79,6 +79,9 @@ class PathFanTracer {
   const std::vector<SliceSampler> samplers_;  ///< of the domain's shapes
 };
 
+/// Direction drawn with density cos / pi about a unit normal; u in (0, 1)^2.
+glm::vec3 SampleCosine(const glm::vec3& normal, const glm::vec2& u);
+
 /// Moments of a fan's direct light, as gathering takes them: over paths that leave the surface. Nothing is
 /// visible where none does.
 DirectMoments DirectMomentsOf(const PathFan& fan);
