@@ -41,12 +41,20 @@ Digest BakeKey(const Scene& scene, const BakeOptions& options) {
   return hasher.Finish();
 }
 
-/// The bake's key, and what decides which of its layers the archive holds, in which form, beside what else.
+/// Slices that the report's estimate tests.
+uint32_t EstimateSlices(const BakeOptions& options, const Scene& scene) {
+  return options.estimate_slices.value_or(
+      DefaultEstimateSlices(static_cast<uint32_t>(scene.positions.size())));
+}
+
+/// The bake's key, and what decides which of its layers the archive holds, in which form, beside what else:
+/// the report with its estimate of the error is in it, too.
 Digest ArchiveKey(const Digest& bake_key, const Scene& scene, const std::string& name,
                   const BakeOptions& options) {
   Hasher hasher;
   hasher.String("glint archive").Add(bake_key).String(name);
   hasher.Add(options.max_layers).Add(options.layer_tolerance).Add(options.table_form);
+  hasher.Add(kEstimateRevision).Add(EstimateSlices(options, scene));
   hasher.Add(uint64_t{scene.cameras.size()});
   for (const Camera& camera : scene.cameras) {
     hasher.String(camera.name).Add(camera.vertical_fov);
@@ -178,6 +186,15 @@ Status Publish(const fs::path& out_path, const Scene& scene, const BakeDomain& d
   return WriteArchive(out_path, content);
 }
 
+Result<ErrorEstimate> Estimate(const BakeDomain& domain, const RayScene& rays, const DirectionGrid& grid,
+                               const std::deque<Layer>& layers, const BakeOptions& options, uint32_t slices,
+                               int threads) {
+  std::vector<LayerViews> views;
+  for (const Layer& layer : layers) views.push_back(layer.views);
+  return EstimateError(domain, rays, grid, views,
+                       {slices, options.settings.seed, options.settings.drop, threads});
+}
+
 /// @param begin, loaded  when the bake began, and when the scene was there
 Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const fs::path& out_path,
                               const BakeOptions& options, const BakeProgressCallback& callback, double begin,
@@ -227,6 +244,10 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
     if (faint) break;
   }
 
+  if (const uint32_t slices = EstimateSlices(options, scene)) {
+    progress.Stage("estimate");
+    GLINT_ASSIGN_OR_RETURN(report.error, Estimate(domain, rays, grid, layers, options, slices, threads));
+  }
   progress.Stage("write");
   GLINT_RETURN_IF_ERROR(Publish(out_path, scene, domain, layers, options, &report));
   progress.EndStage();

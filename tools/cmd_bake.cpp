@@ -7,6 +7,7 @@
 #include "common/domain/direction_grid.h"
 #include "coordinator/bake.h"
 #include "tools/commands.h"
+#include "tools/report.h"
 
 namespace glint {
 namespace {
@@ -82,7 +83,9 @@ Status RunBake(const BakeWords& words, const CommonWords& common) {
                 static_cast<unsigned long long>(report.directions),
                 1e-6 * static_cast<double>(report.archive_bytes), report.seconds);
   Log(LogLevel::kNote, "wrote " + words.output + " and " + words.output + ".json (" + summary + ")");
-  if (common.json) PrintJson(nlohmann::ordered_json::parse(report.json));
+  const auto full = nlohmann::ordered_json::parse(report.json);
+  if (report.error) Log(LogLevel::kNote, "relative error of relit pictures: " + ErrorLine(full["error"]));
+  if (common.json) PrintJson(full);
   return {};
 }
 
@@ -124,6 +127,12 @@ void AddAccuracyWords(CLI::App& app, BakeWords& words) {
   add("--drop", settings.drop, "Leave out slices that change the light by less than this")
       ->check(NumberRange(0, 1))
       ->type_name("X");
+  app.add_option("--estimate", options.estimate_slices,
+                 "Slices to test after the bake, which estimates its error; 0: none (default: one for 10 "
+                 "vertices, 64 to 2048)")
+      ->check(CLI::Range(0, kMaxEstimateSlices))
+      ->type_name("N")
+      ->group("Accuracy and time");
   add("--seed", settings.seed, "Seed of the random numbers")->type_name("N");
 }
 

@@ -160,6 +160,8 @@ std::string ToText(const Json& d) {
     if (layer.contains("slices"))
       Line(out, "%-6d %12llu %12llu %12llu %14.5f", layer["layer"].get<int>(), layer["slices"].get<Count>(),
            layer["stored"].get<Count>(), layer["absent"].get<Count>(), layer["relative_light"].get<double>());
+  const std::string error = ErrorTable(d["bake"].is_object() ? d["bake"].value("error", Json()) : Json());
+  if (!error.empty()) out += '\n' + error;
   Line(out, "\n%-6s %-16s %-8s %10s %8s %12s %8s %7s %12s", "layer", "table", "form", "rows", "columns",
        "stored", "density", "fill", "index bytes");
   for (const Json& layer : d["layers"]) {
@@ -181,8 +183,9 @@ std::string ToText(const Json& d) {
     Line(out, "%-28s %14llu %14llu", s["name"].get<std::string>().c_str(), s["stored_bytes"].get<Count>(),
          s["raw_bytes"].get<Count>());
   }
-  const Json& report = d["report"].is_object() ? d["report"] : d["bake"];
+  Json report = d["report"].is_object() ? d["report"] : d["bake"];
   if (report.is_object()) {
+    if (!error.empty()) report.erase("error");
     out += "\nbake report\n";
     PrintTree(out, report, 2);
   }

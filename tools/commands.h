@@ -13,6 +13,7 @@ Command AddReferenceCommand(CLI::App& glint, CommonWords& common);
 Command AddCompareCommand(CLI::App& glint, CommonWords& common);
 Command AddChartCommand(CLI::App& glint, CommonWords& common);
 Command AddInspectCommand(CLI::App& glint, CommonWords& common);
+Command AddEstimateCommand(CLI::App& glint, CommonWords& common);
 Command AddVerifyCommand(CLI::App& glint, CommonWords& common);
 Command AddSceneCommand(CLI::App& glint, CommonWords& common);
 Command AddEnvironmentCommand(CLI::App& glint, CommonWords& common);

@@ -42,6 +42,7 @@ inline BakeOptions SmallOptions(GatherMethod method = GatherMethod::kShared) {
   options.settings.paper_rays = 8;
   options.max_layers = 2;
   options.layer_tolerance = 0;
+  options.estimate_slices = 16;
   options.threads = 2;
   return options;
 }
