@@ -6,7 +6,7 @@ set -eu
 packages="build-essential cmake ninja-build pkg-config
   libembree-dev libtinygltf-dev libstb-dev libdraco-dev libopenexr-dev libpng-dev
   libglm-dev libzstd-dev libxxhash-dev libssl-dev nlohmann-json3-dev libcli11-dev libgtest-dev
-  gnuplot-nox $*"
+  libnats-dev nats-server gnuplot-nox $*"
 
 missing=""
 for package in $packages; do

@@ -8,6 +8,8 @@ namespace glint {
 // parsing.
 
 Command AddBakeCommand(CLI::App& glint, CommonWords& common);
+Command AddRunTaskCommand(CLI::App& glint, CommonWords& common);
+Command AddWorkerCommand(CLI::App& glint, CommonWords& common);
 Command AddRenderCommand(CLI::App& glint, CommonWords& common);
 Command AddReferenceCommand(CLI::App& glint, CommonWords& common);
 Command AddCompareCommand(CLI::App& glint, CommonWords& common);

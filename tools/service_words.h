@@ -1,0 +1,14 @@
+#pragma once
+
+#include "common/queue/nats_queue.h"
+#include "coordinator/cluster_executor.h"
+#include "tools/options.h"
+
+namespace glint {
+
+/// Where the queue is and who this program is to it.
+void AddNatsWords(CLI::App& app, NatsOptions& nats);
+/// How a bake shares the workers.
+void AddClusterWords(CLI::App& app, ClusterOptions& cluster);
+
+}  // namespace glint
