@@ -126,7 +126,10 @@ NatsConnection::~NatsConnection() {
 }
 
 Status NatsConnection::Failed(const std::string& what, natsStatus status) const {
-  return IoError("NATS at " + url_ + ": cannot " + what + ": " + natsStatus_GetText(status));
+  const char* detail =
+      status == NATS_ERR ? nats_GetLastError(nullptr) : nullptr;  // of this thread's last call
+  return IoError("NATS at " + url_ + ": cannot " + what + ": " +
+                 (detail ? detail : natsStatus_GetText(status)));
 }
 
 }  // namespace glint

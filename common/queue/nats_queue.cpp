@@ -5,8 +5,8 @@
 #include "common/queue/nats_queue.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <string_view>
 #include <utility>
 
@@ -49,24 +49,51 @@ std::optional<TaskMessage> ParseMessage(std::string_view text) {
   return message;
 }
 
+/// libnats puts a description into JSON as it is: what JSON would take for its own is written as %XX.
+std::string Escape(std::string_view text) {
+  static constexpr char kDigits[] = "0123456789abcdef";
+  std::string escaped;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte < 32 || byte > 126 || c == '"' || c == '\\' || c == '%') {
+      escaped += {'%', kDigits[byte >> 4], kDigits[byte & 15]};
+    } else {
+      escaped += c;
+    }
+  }
+  return escaped;
+}
+
+std::string Unescape(std::string_view text) {
+  std::string plain;
+  for (size_t i = 0; i < text.size(); ++i) {
+    int byte = 0;
+    const bool escaped = text[i] == '%' && text.size() - i > 2 &&
+                         std::from_chars(&text[i + 1], &text[i + 1] + 2, byte, 16).ptr == &text[i + 1] + 2;
+    plain += escaped ? static_cast<char>(byte) : text[i];
+    if (escaped) i += 2;
+  }
+  return plain;
+}
+
+/// "<priority> <execution>"
 std::string Describe(const QueuedBake& bake) {
-  return nlohmann::json({{"execution", bake.execution}, {"priority", bake.priority}})
-      .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  return std::to_string(bake.priority) + " " + Escape(bake.execution);
 }
 
 /// The bake of one of our consumers; none if it is somebody else's.
 std::optional<QueuedBake> ParseConsumer(const jsConsumerInfo& info) {
   if (!info.Name || !info.Config || !info.Config->Description) return std::nullopt;
   const std::optional<Digest> key = Digest::FromHex(info.Name);
-  const auto json = nlohmann::json::parse(info.Config->Description, nullptr, false);
-  if (!key || !json.is_object()) return std::nullopt;
-  const auto execution = json.find("execution"), priority = json.find("priority");
-  if (execution == json.end() || !execution->is_string()) return std::nullopt;
-  QueuedBake bake{*key, execution->get<std::string>()};
-  if (priority != json.end() && priority->is_number_integer())
-    bake.priority = static_cast<int>(std::clamp<int64_t>(priority->get<int64_t>(), 1, kMaxPriority));
-  bake.lease_seconds = static_cast<double>(info.Config->AckWait) / kNanoseconds;
-  return bake;
+  const std::string_view description = info.Config->Description;
+  const size_t space = description.find(' ');
+  int priority = 0;
+  const bool number =
+      space != std::string_view::npos &&
+      std::from_chars(description.data(), description.data() + space, priority).ec == std::errc();
+  if (!key || !number) return std::nullopt;
+  return QueuedBake{*key, Unescape(description.substr(space + 1)), std::clamp(priority, 1, kMaxPriority),
+                    static_cast<double>(info.Config->AckWait) / kNanoseconds};
 }
 
 // ---- Worker's side ----
@@ -86,7 +113,7 @@ class NatsLease : public TaskLease {
   void Extend() override { natsMsg_InProgress(handle_.get(), nullptr); }
   void Done() override { natsMsg_AckSync(handle_.get(), nullptr, nullptr); }
   void Return(double delay_seconds) override {
-    natsMsg_NakWithDelay(handle_.get(), static_cast<int64_t>(delay_seconds * kNanoseconds), nullptr);
+    natsMsg_NakWithDelay(handle_.get(), std::lround(delay_seconds * 1000), nullptr);
   }
   void GiveUp() override { natsMsg_Term(handle_.get(), nullptr); }
 

@@ -203,8 +203,8 @@ class ClusterKillTest : public ClusterTest {
     for (const fs::path& record : StoredFiles(store(), "tasks")) {
       struct stat info = {};
       if (stat(record.c_str(), &info) != 0) continue;
-      const auto [known, is_new] = finished_.emplace(record, info.st_ino);
-      if (!is_new) EXPECT_EQ(known->second, info.st_ino) << record << " was computed again";
+      const ino_t known = finished_.emplace(record, info.st_ino).first->second;
+      EXPECT_EQ(known, info.st_ino) << record << " was computed again";
     }
   }
 
