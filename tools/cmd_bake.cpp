@@ -123,7 +123,8 @@ Command AddBakeCommand(CLI::App& glint, CommonWords& common) {
   AddMachineWords(app, *words);
   AddTaskWords(app, words->options);
   AddNatsWords(app, words->nats);
-  AddClusterWords(app, words->cluster);
+  AddPriorityWord(app, words->cluster);
+  AddLeaseWord(app, words->cluster);
   AddCommonWords(app, common);
   app.footer(
       "Interrupted (Ctrl-C) or killed, the same command goes on where it was: finished tasks are in the work "

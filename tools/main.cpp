@@ -33,11 +33,25 @@ constexpr char kFooter[] =
     "NO_COLOR is honoured; nothing is animated unless standard error is a terminal.";
 
 using Adder = Command (*)(CLI::App&, CommonWords&);
-constexpr std::pair<const char*, Adder> kCommands[] = {
-    {"bake", AddBakeCommand},     {"run-task", AddRunTaskCommand},       {"worker", AddWorkerCommand},
-    {"render", AddRenderCommand}, {"reference", AddReferenceCommand},    {"compare", AddCompareCommand},
-    {"chart", AddChartCommand},   {"inspect", AddInspectCommand},        {"verify", AddVerifyCommand},
-    {"scene", AddSceneCommand},   {"environment", AddEnvironmentCommand}};
+constexpr std::pair<const char*, Adder> kCommands[] = {{"bake", AddBakeCommand},
+                                                       {"run-task", AddRunTaskCommand},
+                                                       {"worker", AddWorkerCommand},
+                                                       {"serve", AddServeCommand},
+                                                       {"submit", AddSubmitCommand},
+                                                       {"status", AddStatusCommand},
+                                                       {"watch", AddWatchCommand},
+                                                       {"cancel", AddCancelCommand},
+                                                       {"resume", AddResumeCommand},
+                                                       {"fetch", AddFetchCommand},
+                                                       {"delete", AddDeleteCommand},
+                                                       {"render", AddRenderCommand},
+                                                       {"reference", AddReferenceCommand},
+                                                       {"compare", AddCompareCommand},
+                                                       {"chart", AddChartCommand},
+                                                       {"inspect", AddInspectCommand},
+                                                       {"verify", AddVerifyCommand},
+                                                       {"scene", AddSceneCommand},
+                                                       {"environment", AddEnvironmentCommand}};
 
 int Fail(const Status& status) {
   Log(LogLevel::kError, status.message());
