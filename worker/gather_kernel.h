@@ -18,8 +18,8 @@ struct SampleArrays {
   const float* z;
   const float* solid_angle;  ///< sr; 0 for padding and invalid samples
   const float* blocked;      ///< part of the sample that meets a surface, in [0, 1]
-  const float*
-      light[6];  ///< alpha r, g, b and first moment x, y, z that the surface sends back; 0 where unblocked
+  /// alpha r, g, b and first moment x, y, z that the surface sends back, times the blocked solid angle
+  const float* light[6];
   const uint32_t* tile_begin;   ///< tiles + 1 offsets, multiples of kLanes
   const uint8_t* tile_blocked;  ///< 1 if any sample of the tile is blocked
 };
@@ -32,6 +32,11 @@ struct TileCones {
   const float* cos_radius;
   const float* sin_radius;
   int padded_count;
+};
+
+/// Tiles' cones, and a cone around each kLanes of them in a row.
+struct ConeTree {
+  TileCones tiles, groups;
 };
 
 /// A cone around (x, y, z).
@@ -50,7 +55,6 @@ struct DirectSums {
 };
 
 struct IndirectSums {
-  float all = 0;
   float light[6] = {};
 };
 
@@ -59,16 +63,16 @@ struct IndirectSums {
 struct GatherKernels {
   const char* level;
   /// Writes the indices of tiles whose cone meets the query's; returns how many.
-  int (*select_tiles)(const TileCones& cones, const QueryCone& query, uint16_t* out);
+  int (*select_tiles)(const ConeTree& cones, const QueryCone& query, uint16_t* out);
   /// Whether any cone meets the query's.
-  bool (*any_tile)(const TileCones& cones, const QueryCone& query);
+  bool (*any_tile)(const ConeTree& cones, const QueryCone& query);
   void (*direct_lobe)(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w,
                       DirectSums* out);
   void (*indirect_lobe)(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w,
                         IndirectSums* out);
-  /// The same with the cosine (z) as weight, over all `tiles` tiles.
-  void (*direct_cosine)(const SampleArrays& s, int tiles, DirectSums* out);
-  void (*indirect_cosine)(const SampleArrays& s, int tiles, IndirectSums* out);
+  /// The same with the cosine (z) as weight.
+  void (*direct_cosine)(const SampleArrays& s, const uint16_t* tiles, int count, DirectSums* out);
+  void (*indirect_cosine)(const SampleArrays& s, const uint16_t* tiles, int count, IndirectSums* out);
 };
 
 extern const GatherKernels kGatherKernelsBase;

@@ -79,37 +79,34 @@ struct DirectAccumulator {
 };
 
 struct IndirectAccumulator {
-  Floats all = {};
   Floats light[6] = {};
   template <class Weigher>
   void AddTile(const SampleArrays& s, uint32_t tile, const Weigher& weigher) {
-    const bool blocked = s.tile_blocked[tile];
     for (uint32_t i = s.tile_begin[tile]; i < s.tile_begin[tile + 1]; i += kLanes) {
-      const Floats w = weigher(Load(s.x + i), Load(s.y + i), Load(s.z + i)) * Load(s.solid_angle + i);
-      all += w;
-      if (!blocked) continue;
+      const Floats w = weigher(Load(s.x + i), Load(s.y + i), Load(s.z + i));
       for (int c = 0; c < 6; ++c) light[c] += w * Load(s.light[c] + i);
     }
   }
   void Finish(IndirectSums* out) const {
-    out->all = Sum(all);
     for (int c = 0; c < 6; ++c) out->light[c] = Sum(light[c]);
   }
 };
 
-template <class Accumulator, class Sums>
-void SumLobe(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w, Sums* out) {
-  const LobeWeigher weigher(w);
+template <class Accumulator, class Weigher, class Sums>
+inline void SumTiles(const SampleArrays& s, const uint16_t* tiles, int count, const Weigher& weigher, Sums* out) {
   Accumulator sums;
   for (int i = 0; i < count; ++i) sums.AddTile(s, tiles[i], weigher);
   sums.Finish(out);
 }
 
 template <class Accumulator, class Sums>
-void SumCosine(const SampleArrays& s, int tiles, Sums* out) {
-  Accumulator sums;
-  for (int tile = 0; tile < tiles; ++tile) sums.AddTile(s, tile, CosineWeigher{});
-  sums.Finish(out);
+void SumLobe(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w, Sums* out) {
+  SumTiles<Accumulator>(s, tiles, count, LobeWeigher(w), out);
+}
+
+template <class Accumulator, class Sums>
+void SumCosine(const SampleArrays& s, const uint16_t* tiles, int count, Sums* out) {
+  SumTiles<Accumulator>(s, tiles, count, CosineWeigher{}, out);
 }
 
 inline uint32_t SignMask(const Floats& v) {
@@ -142,20 +139,29 @@ struct ConeQuery {
   }
 };
 
-int SelectTiles(const TileCones& cones, const QueryCone& query, uint16_t* out) {
+/// Calls visit(tile, mask of kLanes tiles from there) for what the query meets, until it returns true.
+template <class Visitor>
+inline bool VisitTiles(const ConeTree& cones, const QueryCone& query, const Visitor& visit) {
   const ConeQuery cone(query);
+  for (int g = 0; g < cones.groups.padded_count; g += kLanes)
+    for (uint32_t groups = cone.Meets(cones.groups, g); groups; groups &= groups - 1) {
+      const int tile = (g + __builtin_ctz(groups)) * kLanes;
+      if (visit(tile, cone.Meets(cones.tiles, tile))) return true;
+    }
+  return false;
+}
+
+int SelectTiles(const ConeTree& cones, const QueryCone& query, uint16_t* out) {
   int count = 0;
-  for (int i = 0; i < cones.padded_count; i += kLanes)
-    for (uint32_t inside = cone.Meets(cones, i); inside; inside &= inside - 1)
-      out[count++] = static_cast<uint16_t>(i + __builtin_ctz(inside));
+  VisitTiles(cones, query, [&](int tile, uint32_t inside) {
+    for (; inside; inside &= inside - 1) out[count++] = static_cast<uint16_t>(tile + __builtin_ctz(inside));
+    return false;
+  });
   return count;
 }
 
-bool AnyTile(const TileCones& cones, const QueryCone& query) {
-  const ConeQuery cone(query);
-  for (int i = 0; i < cones.padded_count; i += kLanes)
-    if (cone.Meets(cones, i)) return true;
-  return false;
+bool AnyTile(const ConeTree& cones, const QueryCone& query) {
+  return VisitTiles(cones, query, [](int, uint32_t inside) { return inside != 0; });
 }
 
 }  // namespace

@@ -111,7 +111,7 @@ class PaperGatherer : public Gatherer {
         fan->rays.push_back(ray);
     }
     fan->hits.resize(fan->rays.size());
-    input_.rays.IntersectCoherent(fan->rays.data(), fan->hits.data(), static_cast<int>(fan->rays.size()));
+    input_.rays.Intersect(fan->rays.data(), fan->hits.data(), static_cast<int>(fan->rays.size()));
   }
 
   void Merge(uint32_t v, const SliceLobe& lobe, Fan* fan, uint16_t column, BlockRows* rows,

@@ -16,7 +16,7 @@ enum class GatherMethod : uint8_t {
 struct BakeSettings {
   GatherMethod method = GatherMethod::kShared;
   int grid_level = 3;           ///< geodesic level of the view directions; 3: 642 of them
-  float rays_per_kappa = 5.5f;  ///< kShared: base rays per unit of the vertex's sharpest kappa, at kappa 128
+  float rays_per_kappa = 3.6f;  ///< kShared: base rays per unit of the vertex's sharpest kappa, at kappa 128
   int min_rays = 256;           ///< kShared: bounds on base rays per vertex
   int max_rays = 8192;
   /// kShared: rays are split in four, this often, where one is blocked and its neighbour is not; 0 .. 2

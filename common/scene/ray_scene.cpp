@@ -161,18 +161,29 @@ RayScene::~RayScene() = default;
 RayScene::RayScene(RayScene&&) noexcept = default;
 
 Hit RayScene::Intersect(const Ray& ray) const {
-  if (!impl_->scene) return {};
+  Hit hit;
+  Intersect(&ray, &hit, 1);
+  return hit;
+}
+
+void RayScene::Intersect(const Ray* rays, Hit* hits, int count) const {
+  if (!impl_->scene) {
+    std::fill_n(hits, std::max(count, 0), Hit{});
+    return;
+  }
   const FlushDenormals guard;
-  RTCRayHit query;
-  query.ray = ToEmbree(ray);
-  query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  query.hit.primID = RTC_INVALID_GEOMETRY_ID;
-  query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
-  rtcIntersect1(impl_->scene, &context, &query);
-  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
-  return MakeHit(query.hit.primID, query.hit.u, query.hit.v, query.ray.tfar);
+  for (int i = 0; i < count; ++i) {
+    RTCRayHit query;
+    query.ray = ToEmbree(rays[i]);
+    query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    query.hit.primID = RTC_INVALID_GEOMETRY_ID;
+    query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    rtcIntersect1(impl_->scene, &context, &query);
+    const bool hit = query.hit.geomID != RTC_INVALID_GEOMETRY_ID;
+    hits[i] = hit ? MakeHit(query.hit.primID, query.hit.u, query.hit.v, query.ray.tfar) : Hit{};
+  }
 }
 
 bool RayScene::Occluded(const Ray& ray) const {

@@ -51,8 +51,11 @@ class RayScene {
   Hit Intersect(const Ray& ray) const;
   /// True if anything lies in [t_near, t_far].
   bool Occluded(const Ray& ray) const;
-  /// Closest hits of `count` rays that start at one place and are sorted so that neighbours point to like
-  /// directions; traced eight at a time as coherent packets, so the result depends on these rays alone.
+  /// The same for `count` rays, one by one: for fans over a hemisphere and other rays that part soon.
+  void Intersect(const Ray* rays, Hit* hits, int count) const;
+  /// The same for rays that stay together, such as a camera's: eight at a time as coherent packets, whose
+  /// rays may influence each other's rounding. In a hemisphere of a few thousand rays packets are slower than
+  /// single rays.
   void IntersectCoherent(const Ray* rays, Hit* hits, int count) const;
 
   /// A distance that is surely above the rounding of positions here: offset rays' origins by it along the
