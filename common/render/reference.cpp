@@ -6,6 +6,7 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
 #include <string>
 #include <utility>
@@ -187,10 +188,11 @@ class PathTracer {
     const std::array<uint32_t, 3>& corner = scene_.triangles[hit.triangle];
     const glm::vec3& p0 = scene_.positions[corner[0]];
     const glm::vec3 e1 = scene_.positions[corner[1]] - p0, e2 = scene_.positions[corner[2]] - p0;
-    const glm::vec3 cross = glm::cross(e1, e2);
-    const float area = glm::length(cross);
+    // In double: products of a tiny or a huge scene's edges leave the range of floats.
+    const glm::dvec3 cross = glm::cross(glm::dvec3(e1), glm::dvec3(e2));
+    const double area = glm::length(cross);
     if (!(area > 0)) return false;
-    vertex->face = cross / area;
+    vertex->face = glm::vec3(cross / area);
     vertex->position = p0 + hit.u * e1 + hit.v * e2;
     const bool behind = glm::dot(vertex->face, wo) < 0;
     if (behind && !scene_.materials[scene_.triangle_material[hit.triangle]].double_sided) return false;

@@ -34,30 +34,30 @@ class FlushDenormals {
   unsigned saved_;
 };
 
-RTCRay ToEmbree(const Ray& ray) {
+RTCRay ToEmbree(const Ray& ray, float to_unit) {
   RTCRay r{};
-  r.org_x = ray.origin.x;
-  r.org_y = ray.origin.y;
-  r.org_z = ray.origin.z;
-  r.tnear = ray.t_near;
+  r.org_x = to_unit * ray.origin.x;
+  r.org_y = to_unit * ray.origin.y;
+  r.org_z = to_unit * ray.origin.z;
+  r.tnear = to_unit * ray.t_near;
   r.dir_x = ray.direction.x;
   r.dir_y = ray.direction.y;
   r.dir_z = ray.direction.z;
-  r.tfar = ray.t_far;
+  r.tfar = to_unit * ray.t_far;
   r.mask = ~0u;
   return r;
 }
 
-void FillLane(RTCRayHit8& packet, int lane, const Ray& ray) {
-  packet.ray.org_x[lane] = ray.origin.x;
-  packet.ray.org_y[lane] = ray.origin.y;
-  packet.ray.org_z[lane] = ray.origin.z;
-  packet.ray.tnear[lane] = ray.t_near;
+void FillLane(RTCRayHit8& packet, int lane, const Ray& ray, float to_unit) {
+  packet.ray.org_x[lane] = to_unit * ray.origin.x;
+  packet.ray.org_y[lane] = to_unit * ray.origin.y;
+  packet.ray.org_z[lane] = to_unit * ray.origin.z;
+  packet.ray.tnear[lane] = to_unit * ray.t_near;
   packet.ray.dir_x[lane] = ray.direction.x;
   packet.ray.dir_y[lane] = ray.direction.y;
   packet.ray.dir_z[lane] = ray.direction.z;
   packet.ray.time[lane] = 0;
-  packet.ray.tfar[lane] = ray.t_far;
+  packet.ray.tfar[lane] = to_unit * ray.t_far;
   packet.ray.mask[lane] = ~0u;
   packet.ray.id[lane] = 0;
   packet.ray.flags[lane] = 0;
@@ -73,7 +73,8 @@ Hit MakeHit(uint32_t triangle, float u, float v, float t) {
 }
 
 // Vertices into a buffer of Embree's own, which pads it as its vector loads need.
-bool FillGeometry(RTCGeometry geometry, std::span<const glm::vec3> positions, Triangles triangles) {
+bool FillGeometry(RTCGeometry geometry, std::span<const glm::vec3> positions, Triangles triangles,
+                  float to_unit) {
   if (triangles.empty()) return true;
   auto* vertices = static_cast<glm::vec3*>(rtcSetNewGeometryBuffer(
       geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3), positions.size()));
@@ -81,7 +82,8 @@ bool FillGeometry(RTCGeometry geometry, std::span<const glm::vec3> positions, Tr
       rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                               sizeof(std::array<uint32_t, 3>), triangles.size()));
   if (!vertices || !indices) return false;
-  std::copy(positions.begin(), positions.end(), vertices);
+  std::transform(positions.begin(), positions.end(), vertices,
+                 [&](const glm::vec3& p) { return to_unit * p; });
   std::copy(triangles.begin(), triangles.end(), indices);
   return true;
 }
@@ -102,6 +104,12 @@ float SceneEpsilon(std::span<const glm::vec3> positions, Triangles triangles) {
   const float largest = std::max({magnitude.x, magnitude.y, magnitude.z});
   const float epsilon = 0x1p-19f * largest + 1e-5f * glm::length(hi - lo);
   return epsilon > 0 ? epsilon : 1e-5f;
+}
+
+// Embree gives no barycentric co-ordinates for triangles whose area is below about 1e-18: scenes are traced
+// at a size of about one. The power of two makes that exact.
+float ToUnitSize(float epsilon) {
+  return std::ldexp(1.0f, std::clamp(-std::ilogb(1e5f * epsilon), -100, 100));
 }
 
 std::string InstructionSet(RTCDevice device) {
@@ -126,7 +134,9 @@ struct RayScene::Impl {
 };
 
 RayScene::RayScene(std::span<const glm::vec3> positions, Triangles triangles, int build_threads)
-    : impl_(std::make_unique<Impl>()), epsilon_(SceneEpsilon(positions, triangles)) {
+    : impl_(std::make_unique<Impl>()),
+      epsilon_(SceneEpsilon(positions, triangles)),
+      to_unit_(ToUnitSize(epsilon_)) {
   const FlushDenormals guard;
   const std::string config = "threads=" + std::to_string(std::max(1, build_threads));
   impl_->device = rtcNewDevice(config.c_str());
@@ -141,7 +151,7 @@ RayScene::RayScene(std::span<const glm::vec3> positions, Triangles triangles, in
   rtcSetSceneFlags(impl_->scene, RTC_SCENE_FLAG_ROBUST);
   rtcSetSceneBuildQuality(impl_->scene, RTC_BUILD_QUALITY_HIGH);
   RTCGeometry geometry = rtcNewGeometry(impl_->device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  const bool filled = FillGeometry(geometry, positions, triangles);
+  const bool filled = FillGeometry(geometry, positions, triangles, to_unit_);
   rtcCommitGeometry(geometry);
   rtcAttachGeometryByID(impl_->scene, geometry, 0);
   rtcReleaseGeometry(geometry);
@@ -176,20 +186,20 @@ void RayScene::Intersect(const Ray* rays, Hit* hits, int count) const {
   rtcInitIntersectContext(&context);
   for (int i = 0; i < count; ++i) {
     RTCRayHit query;
-    query.ray = ToEmbree(rays[i]);
+    query.ray = ToEmbree(rays[i], to_unit_);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     query.hit.primID = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     rtcIntersect1(impl_->scene, &context, &query);
     const bool hit = query.hit.geomID != RTC_INVALID_GEOMETRY_ID;
-    hits[i] = hit ? MakeHit(query.hit.primID, query.hit.u, query.hit.v, query.ray.tfar) : Hit{};
+    hits[i] = hit ? MakeHit(query.hit.primID, query.hit.u, query.hit.v, query.ray.tfar / to_unit_) : Hit{};
   }
 }
 
 bool RayScene::Occluded(const Ray& ray) const {
   if (!impl_->scene) return false;
   const FlushDenormals guard;
-  RTCRay query = ToEmbree(ray);
+  RTCRay query = ToEmbree(ray, to_unit_);
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   rtcOccluded1(impl_->scene, &context, &query);
@@ -211,13 +221,13 @@ void RayScene::IntersectCoherent(const Ray* rays, Hit* hits, int count) const {
     RTCRayHit8 packet;
     for (int lane = 0; lane < kPacket; ++lane) {
       valid[lane] = lane < used ? -1 : 0;
-      FillLane(packet, lane, rays[first + std::min(lane, used - 1)]);
+      FillLane(packet, lane, rays[first + std::min(lane, used - 1)], to_unit_);
     }
     rtcIntersect8(valid, impl_->scene, &context, &packet);
     for (int lane = 0; lane < used; ++lane) {
       const bool hit = packet.hit.geomID[lane] != RTC_INVALID_GEOMETRY_ID;
       hits[first + lane] = hit ? MakeHit(packet.hit.primID[lane], packet.hit.u[lane], packet.hit.v[lane],
-                                         packet.ray.tfar[lane])
+                                         packet.ray.tfar[lane] / to_unit_)
                                : Hit{};
     }
   }

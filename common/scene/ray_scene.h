@@ -71,6 +71,7 @@ class RayScene {
   std::unique_ptr<Impl> impl_;
   Status status_;
   float epsilon_ = 0;
+  float to_unit_ = 1;  ///< Embree's lengths over the scene's
 };
 
 }  // namespace glint
