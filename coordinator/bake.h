@@ -13,6 +13,7 @@
 #include "common/domain/bake_settings.h"
 #include "common/scene/load.h"
 #include "coordinator/error_estimate.h"
+#include "coordinator/executor.h"
 
 namespace glint {
 
@@ -34,8 +35,10 @@ struct BakeOptions {
   uint32_t directions_per_task = 0;  ///< 0: all
   uint64_t memory_bytes = 0;  ///< for hit sets kept between layers; 0: a quarter of the machine's memory
   std::filesystem::path
-      work_dir;            ///< for a sub-folder with finished tasks; empty: OUT.work beside the output
-  bool keep_work = false;  ///< keep that sub-folder after the archive is written
+      work_dir;                   ///< for a sub-folder with finished tasks; empty: OUT.work beside the output
+  bool keep_work = false;         ///< keep that sub-folder after the archive is written
+  ExecutorFactory make_executor;  ///< who runs the tasks; empty: threads of this process
+  std::function<bool()> stop = StopRequested;  ///< asked between tasks: whether to end (kInterrupted)
 };
 
 /// State of a running bake.

@@ -8,6 +8,16 @@ namespace glint {
 // parsing.
 
 Command AddBakeCommand(CLI::App& glint, CommonWords& common);
+Command AddRunTaskCommand(CLI::App& glint, CommonWords& common);
+Command AddWorkerCommand(CLI::App& glint, CommonWords& common);
+Command AddServeCommand(CLI::App& glint, CommonWords& common);
+Command AddSubmitCommand(CLI::App& glint, CommonWords& common);
+Command AddStatusCommand(CLI::App& glint, CommonWords& common);
+Command AddWatchCommand(CLI::App& glint, CommonWords& common);
+Command AddCancelCommand(CLI::App& glint, CommonWords& common);
+Command AddResumeCommand(CLI::App& glint, CommonWords& common);
+Command AddFetchCommand(CLI::App& glint, CommonWords& common);
+Command AddDeleteCommand(CLI::App& glint, CommonWords& common);
 Command AddRenderCommand(CLI::App& glint, CommonWords& common);
 Command AddReferenceCommand(CLI::App& glint, CommonWords& common);
 Command AddCompareCommand(CLI::App& glint, CommonWords& common);

@@ -14,6 +14,7 @@ namespace glint {
 namespace {
 
 constexpr int kPacket = 8;
+using Triangles = std::span<const std::array<uint32_t, 3>>;
 
 // Embree wants denormals flushed while it runs. The mode is restored afterwards: it must not leak into the
 // caller's own arithmetic, which would then depend on which thread had traced before.
@@ -72,32 +73,33 @@ Hit MakeHit(uint32_t triangle, float u, float v, float t) {
 }
 
 // Vertices into a buffer of Embree's own, which pads it as its vector loads need.
-bool FillGeometry(RTCGeometry geometry, const Scene& scene, float to_unit) {
-  if (scene.triangles.empty()) return true;
+bool FillGeometry(RTCGeometry geometry, std::span<const glm::vec3> positions, Triangles triangles,
+                  float to_unit) {
+  if (triangles.empty()) return true;
   auto* vertices = static_cast<glm::vec3*>(rtcSetNewGeometryBuffer(
-      geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3), scene.positions.size()));
+      geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3), positions.size()));
   auto* indices = static_cast<std::array<uint32_t, 3>*>(
       rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                              sizeof(std::array<uint32_t, 3>), scene.triangles.size()));
+                              sizeof(std::array<uint32_t, 3>), triangles.size()));
   if (!vertices || !indices) return false;
-  std::transform(scene.positions.begin(), scene.positions.end(), vertices,
+  std::transform(positions.begin(), positions.end(), vertices,
                  [&](const glm::vec3& p) { return to_unit * p; });
-  std::copy(scene.triangles.begin(), scene.triangles.end(), indices);
+  std::copy(triangles.begin(), triangles.end(), indices);
   return true;
 }
 
 // Two parts. Positions are known to about 2^-24 of the largest coordinate, and interpolation, offset and the
 // intersection each add a few such steps: 32 of them (2^-19). The intersection's own error and the slight
 // non-planarity of interpolated points grow with the scene's extent: 1e-5 of the diagonal.
-float SceneEpsilon(const Scene& scene) {
+float SceneEpsilon(std::span<const glm::vec3> positions, Triangles triangles) {
   glm::vec3 lo(std::numeric_limits<float>::max()), hi(-std::numeric_limits<float>::max());
-  for (const auto& triangle : scene.triangles) {
+  for (const auto& triangle : triangles) {
     for (uint32_t i : triangle) {
-      lo = glm::min(lo, scene.positions[i]);
-      hi = glm::max(hi, scene.positions[i]);
+      lo = glm::min(lo, positions[i]);
+      hi = glm::max(hi, positions[i]);
     }
   }
-  if (scene.triangles.empty()) return 1e-5f;
+  if (triangles.empty()) return 1e-5f;
   const glm::vec3 magnitude = glm::max(glm::abs(lo), glm::abs(hi));
   const float largest = std::max({magnitude.x, magnitude.y, magnitude.z});
   const float epsilon = 0x1p-19f * largest + 1e-5f * glm::length(hi - lo);
@@ -131,8 +133,10 @@ struct RayScene::Impl {
   }
 };
 
-RayScene::RayScene(const Scene& scene, int build_threads)
-    : impl_(std::make_unique<Impl>()), epsilon_(SceneEpsilon(scene)), to_unit_(ToUnitSize(epsilon_)) {
+RayScene::RayScene(std::span<const glm::vec3> positions, Triangles triangles, int build_threads)
+    : impl_(std::make_unique<Impl>()),
+      epsilon_(SceneEpsilon(positions, triangles)),
+      to_unit_(ToUnitSize(epsilon_)) {
   const FlushDenormals guard;
   const std::string config = "threads=" + std::to_string(std::max(1, build_threads));
   impl_->device = rtcNewDevice(config.c_str());
@@ -147,17 +151,16 @@ RayScene::RayScene(const Scene& scene, int build_threads)
   rtcSetSceneFlags(impl_->scene, RTC_SCENE_FLAG_ROBUST);
   rtcSetSceneBuildQuality(impl_->scene, RTC_BUILD_QUALITY_HIGH);
   RTCGeometry geometry = rtcNewGeometry(impl_->device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  const bool filled = FillGeometry(geometry, scene, to_unit_);
+  const bool filled = FillGeometry(geometry, positions, triangles, to_unit_);
   rtcCommitGeometry(geometry);
   rtcAttachGeometryByID(impl_->scene, geometry, 0);
   rtcReleaseGeometry(geometry);
   if (filled) rtcCommitScene(impl_->scene);
   const RTCError error = rtcGetDeviceError(impl_->device);
   if (!filled || error != RTC_ERROR_NONE) {
-    status_ =
-        LimitExceeded("Embree cannot build the ray-tracing tree over " +
-                      std::to_string(scene.triangles.size()) + " triangles (error " + std::to_string(error) +
-                      "); simplify the scene or use a machine with more memory");
+    status_ = LimitExceeded("Embree cannot build the ray-tracing tree over " +
+                            std::to_string(triangles.size()) + " triangles (error " + std::to_string(error) +
+                            "); simplify the scene or use a machine with more memory");
     rtcReleaseScene(std::exchange(impl_->scene, nullptr));
     impl_->scene = rtcNewScene(impl_->device);  // empty: every ray misses
     rtcCommitScene(impl_->scene);

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "common/base/status.h"
@@ -34,7 +36,10 @@ class RayScene {
   /// Builds the tree. The order of primitives in it, and so which of two triangles a ray through their shared
   /// edge reports, can depend on the number of building threads; `build_threads` 0 therefore means one, the
   /// same tree everywhere. More threads are for those to whom that does not matter.
-  explicit RayScene(const Scene& scene, int build_threads = 0);
+  RayScene(std::span<const glm::vec3> positions, std::span<const std::array<uint32_t, 3>> triangles,
+           int build_threads = 0);
+  explicit RayScene(const Scene& scene, int build_threads = 0)
+      : RayScene(scene.positions, scene.triangles, build_threads) {}
   ~RayScene();
   RayScene(RayScene&&) noexcept;
   RayScene& operator=(RayScene&&) = delete;
