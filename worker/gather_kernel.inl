@@ -1,5 +1,5 @@
-// Body of the gather kernels; included by one source file per instruction set, which defines GLINT_KERNELS (the name of
-// the table) and GLINT_KERNEL_LEVEL.
+// Body of the gather kernels; included by one source file per instruction set, which defines GLINT_KERNELS
+// (the name of the table) and GLINT_KERNEL_LEVEL.
 
 #include "worker/gather_kernel.h"
 
@@ -17,10 +17,12 @@ inline Floats Load(const float* p) {
 
 inline Floats Splat(float x) { return Floats{x, x, x, x, x, x, x, x}; }
 
-inline float Sum(const Floats& v) { return ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7])); }
+inline float Sum(const Floats& v) {
+  return ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]));
+}
 
-/// 2^x for x <= 0, relative error 3e-7; what lies below 2^-126 gives about 2^-126. Round to the nearest integer with
-/// the 1.5 * 2^23 trick, whose low bits then are that integer and go to the exponent.
+/// 2^x for x <= 0, relative error 3e-7; what lies below 2^-126 gives about 2^-126. Round to the nearest
+/// integer with the 1.5 * 2^23 trick, whose low bits then are that integer and go to the exponent.
 inline Floats Exp2(Floats x) {
   x = x < -126.0f ? Splat(-126.0f) : x;
   const Floats shifted = x + 12582912.0f;
@@ -42,7 +44,8 @@ inline Floats Exp2(Floats x) {
 
 struct LobeWeigher {
   Floats x, y, z, k;
-  explicit LobeWeigher(const LobeWeight& w) : x(Splat(w.x)), y(Splat(w.y)), z(Splat(w.z)), k(Splat(w.kappa_log2e)) {}
+  explicit LobeWeigher(const LobeWeight& w)
+      : x(Splat(w.x)), y(Splat(w.y)), z(Splat(w.z)), k(Splat(w.kappa_log2e)) {}
   Floats operator()(const Floats& sx, const Floats& sy, const Floats& sz) const {
     const Floats exponent = k * (x * sx + y * sy + z * sz - 1.0f);
     return Exp2(exponent > 0.0f ? Splat(0) : exponent);
@@ -74,7 +77,8 @@ struct DirectAccumulator {
     }
   }
   void Finish(DirectSums* out) const {
-    *out = {Sum(sum[0]), Sum(sum[1]), Sum(sum[2]), Sum(sum[3]), Sum(sum[4]), Sum(sum[5]), Sum(sum[6]), Sum(sum[7])};
+    *out = {Sum(sum[0]), Sum(sum[1]), Sum(sum[2]), Sum(sum[3]),
+            Sum(sum[4]), Sum(sum[5]), Sum(sum[6]), Sum(sum[7])};
   }
 };
 
@@ -112,6 +116,99 @@ void SumCosine(const SampleArrays& s, int tiles, Sums* out) {
   sums.Finish(out);
 }
 
+/// Rec. 709, as Luminance in common/base.
+constexpr float kLuminance[3] = {0.2126f, 0.7152f, 0.0722f};
+
+inline void Store(float* p, const Floats& v) { __builtin_memcpy(p, &v, sizeof v); }
+
+template <class Weigher>
+void ListTile(const SampleArrays& s, uint32_t tile, const Weigher& weigher, LightList* out) {
+  for (uint32_t i = s.tile_begin[tile]; i < s.tile_begin[tile + 1]; i += kLanes) {
+    const Floats weight = weigher(Load(s.x + i), Load(s.y + i), Load(s.z + i)) * Load(s.solid_angle + i);
+    Floats light[6];
+    for (int c = 0; c < 6; ++c) light[c] = weight * Load(s.light[c] + i);
+    const Floats strength = kLuminance[0] * light[0] + kLuminance[1] * light[1] + kLuminance[2] * light[2];
+    if (!(Sum(strength) > 0)) continue;
+    Store(out->channel[0] + out->count, strength);
+    for (int c = 0; c < 3; ++c) {
+      Store(out->channel[1 + c] + out->count, light[3 + c]);
+      Store(out->channel[4 + c] + out->count, light[c]);
+    }
+    out->count += kLanes;
+  }
+}
+
+void ListLobe(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w, LightList* out) {
+  const LobeWeigher weigher(w);
+  out->count = 0;
+  for (int i = 0; i < count; ++i) ListTile(s, tiles[i], weigher, out);
+}
+
+void ListCosine(const SampleArrays& s, int tiles, LightList* out) {
+  out->count = 0;
+  for (int tile = 0; tile < tiles; ++tile)
+    if (s.tile_blocked[tile]) ListTile(s, static_cast<uint32_t>(tile), CosineWeigher{}, out);
+}
+
+void Spread(const LightList& list, const float mean[3], float out[6]) {
+  Floats sum[6] = {};
+  for (int i = 0; i < list.count; i += kLanes) {
+    const Floats strength = Load(list.channel[0] + i);
+    const Floats inverse = 1.0f / (strength > 0.0f ? strength : Splat(1));
+    const Floats x = Load(list.channel[1] + i) * inverse - mean[0];
+    const Floats y = Load(list.channel[2] + i) * inverse - mean[1];
+    const Floats z = Load(list.channel[3] + i) * inverse - mean[2];
+    const Floats sx = strength * x, sy = strength * y, sz = strength * z;
+    sum[0] += sx * x;
+    sum[1] += sx * y;
+    sum[2] += sx * z;
+    sum[3] += sy * y;
+    sum[4] += sy * z;
+    sum[5] += sz * z;
+  }
+  for (int i = 0; i < 6; ++i) out[i] = Sum(sum[i]);
+}
+
+/// |m / s - c|^2 s grows as s |c|^2 / 2 - m . c: no division.
+template <int kSummed>
+void GroupChannels(const LightList& list, const float centres[kMaxLightGroups][3],
+                   LightSums out[kMaxLightGroups]) {
+  Floats sum[kMaxLightGroups][kSummed] = {};
+  float half_square[kMaxLightGroups];
+  for (int g = 0; g < kMaxLightGroups; ++g)
+    half_square[g] = 0.5f * (centres[g][0] * centres[g][0] + centres[g][1] * centres[g][1] +
+                             centres[g][2] * centres[g][2]);
+  for (int i = 0; i < list.count; i += kLanes) {
+    Floats value[kSummed], nearness[kMaxLightGroups];
+    for (int c = 0; c < kSummed; ++c) value[c] = Load(list.channel[c] + i);
+    for (int g = 0; g < kMaxLightGroups; ++g)
+      nearness[g] = value[1] * centres[g][0] + value[2] * centres[g][1] + value[3] * centres[g][2] -
+                    value[0] * half_square[g];
+    const Floats low = nearness[0] >= nearness[1] ? nearness[0] : nearness[1];
+    const Floats high = nearness[2] >= nearness[3] ? nearness[2] : nearness[3];
+    const Ints in_low = low >= high, first = nearness[0] >= nearness[1], third = nearness[2] >= nearness[3];
+    const Ints in_group[kMaxLightGroups] = {in_low & first, in_low & ~first, ~in_low & third,
+                                            ~in_low & ~third};
+    for (int g = 0; g < kMaxLightGroups; ++g)
+      for (int c = 0; c < kSummed; ++c) sum[g][c] += in_group[g] ? value[c] : Splat(0);
+  }
+  for (int g = 0; g < kMaxLightGroups; ++g) {
+    float* to[LightList::kChannels] = {&out[g].strength,  &out[g].moment[0], &out[g].moment[1],
+                                       &out[g].moment[2], &out[g].colour[0], &out[g].colour[1],
+                                       &out[g].colour[2]};
+    for (int c = 0; c < kSummed; ++c) *to[c] = Sum(sum[g][c]);
+  }
+}
+
+void Group(const LightList& list, const float centres[kMaxLightGroups][3], bool colour,
+           LightSums out[kMaxLightGroups]) {
+  if (colour) {
+    GroupChannels<7>(list, centres, out);
+  } else {
+    GroupChannels<4>(list, centres, out);
+  }
+}
+
 inline uint32_t SignMask(const Floats& v) {
 #ifdef __AVX__
   return static_cast<uint32_t>(__builtin_ia32_movmskps256(v));
@@ -130,8 +227,8 @@ struct ConeQuery {
   explicit ConeQuery(const QueryCone& q)
       : x(Splat(q.x)), y(Splat(q.y)), z(Splat(q.z)), cos_b(Splat(q.cos_radius)), sin_b(Splat(q.sin_radius)) {}
 
-  /// Bit l: cone i + l meets it. Two cones meet if the angle between their axes is at most the sum of their radii a + b;
-  /// with a + b <= pi that is cos(angle) >= cos a cos b - sin a sin b.
+  /// Bit l: cone i + l meets it. Two cones meet if the angle between their axes is at most the sum of their
+  /// radii a + b; with a + b <= pi that is cos(angle) >= cos a cos b - sin a sin b.
   uint32_t Meets(const TileCones& cones, int i) const {
     const Floats cos_a = Load(cones.cos_radius + i), sin_a = Load(cones.sin_radius + i);
     const Floats cosine = x * Load(cones.x + i) + y * Load(cones.y + i) + z * Load(cones.z + i);
@@ -166,6 +263,10 @@ const GatherKernels GLINT_KERNELS = {GLINT_KERNEL_LEVEL,
                                      SumLobe<DirectAccumulator, DirectSums>,
                                      SumLobe<IndirectAccumulator, IndirectSums>,
                                      SumCosine<DirectAccumulator, DirectSums>,
-                                     SumCosine<IndirectAccumulator, IndirectSums>};
+                                     SumCosine<IndirectAccumulator, IndirectSums>,
+                                     ListLobe,
+                                     ListCosine,
+                                     Spread,
+                                     Group};
 
 }  // namespace glint

@@ -58,6 +58,8 @@ class HemisphereSamples {
   /// Tile of one of the blocked cones.
   uint16_t blocked_tile(int i) const { return blocked_tiles_[i]; }
   int tiles() const { return tiles_; }
+  /// Laid out, padding included.
+  uint32_t samples() const { return count_; }
   bool any_blocked() const { return blocked_cones_.padded_count > 0; }
 
  private:

@@ -75,7 +75,8 @@ class LayerLight {
   void PackSurface();
   void PackRows(const LayerViews& views, int threads);
   void PackDiffuse(const LayerViews& views);
-  Entry Pack(const std::byte* stored) const;
+  /// A slice as one entry, however many lobes it has.
+  Entry Pack(const LayerViews& views, uint32_t slot, uint32_t v, uint32_t column) const;
   void LookWide(std::span<const LightQuery> queries, HitLight* out) const;
   void LookBatches(std::span<const LightQuery> queries, HitLight* out) const;
   bool Orient(const LightQuery& query, Pending* hit) const;

@@ -5,16 +5,19 @@
 #include "worker/shared_gather.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
 #include <utility>
 
+#include "common/base/frame.h"
 #include "common/lobes/slice_sampler.h"
 #include "common/lobes/vmf.h"
 #include "worker/gather_kernel.h"
 #include "worker/hit_set.h"
 #include "worker/layer_light.h"
+#include "worker/light_groups.h"
 #include "worker/slice_encoder.h"
 #include "worker/slice_lobes.h"
 
@@ -29,6 +32,17 @@ constexpr float kKappaPerSample = 0.6f;  ///< a lattice of n samples resolves lo
 struct Scratch {
   HemisphereSamples samples[2];  ///< front, back
   std::vector<uint16_t> tiles;
+  std::array<std::vector<float>, LightList::kChannels> channels;
+
+  /// An empty list with room for as many samples.
+  LightList List(size_t room) {
+    LightList list{};
+    for (int c = 0; c < LightList::kChannels; ++c) {
+      channels[c].resize(std::max(channels[c].size(), room));
+      list.channel[c] = channels[c].data();
+    }
+    return list;
+  }
 };
 
 /// One side of a vertex, ready to be summed over.
@@ -48,9 +62,11 @@ class SharedGatherer : public Gatherer {
         settings_(settings),
         kernels_(SelectGatherKernels()),
         samplers_(MakeSliceSamplers(input.domain.shapes)),
+        layout_{static_cast<uint32_t>(input.domain.max_lobes()), 1},
         cache_(input_, settings_, memory_bytes) {}
 
   void BeginLayer(int layer, const LayerViews* previous, int threads) override {
+    layout_.slice_lobes = settings_.StoredLobes(layer);
     light_.reset();
     if (layer > 0)
       light_ = std::make_unique<LayerLight>(input_.domain, input_.grid, *previous, layer - 1, threads);
@@ -58,7 +74,7 @@ class SharedGatherer : public Gatherer {
 
   BlockResult Gather(const GatherBlock& block) override {
     BlockResult result;
-    result.slots.resize(static_cast<size_t>(input_.domain.max_lobes()) + 1);
+    result.slots.resize(layout_.count());
     Scratch scratch;
     for (uint32_t v = block.first_vertex; v < block.first_vertex + block.vertices; ++v)
       GatherVertex(v, block, &scratch, &result);
@@ -68,14 +84,14 @@ class SharedGatherer : public Gatherer {
  private:
   void GatherVertex(uint32_t v, const GatherBlock& block, Scratch* scratch, BlockResult* result) {
     const bool owns_diffuse = block.first_column == 0;
-    for (size_t slot = 0; slot + 1 < result->slots.size(); ++slot) result->slots[slot].BeginRow();
-    if (owns_diffuse) result->slots.back().BeginRow();
+    for (uint32_t slot = 0; slot < layout_.count(); ++slot)
+      if (owns_diffuse || !layout_.is_diffuse(slot)) result->slots[slot].BeginRow();
     if (!cache_.surface().used(v)) return;
     Side sides[2];
     const int side_count = input_.domain.double_sided[v] ? 2 : 1;
     for (int s = 0; s < side_count; ++s) {
       sides[s] = PrepareSide(v, s, scratch, owns_diffuse ? &result->counters : nullptr);
-      if (owns_diffuse) GatherDiffuse(v, s, sides[s], result);
+      if (owns_diffuse) GatherDiffuse(v, s, sides[s], scratch, result);
     }
     for (uint32_t column = block.first_column; column < block.first_column + block.columns; ++column) {
       const glm::vec3& wo = input_.grid.direction(column);
@@ -129,10 +145,36 @@ class SharedGatherer : public Gatherer {
         if (all < 0) all = SumDirect(side, cone, weight, scratch).all;
         IndirectSums sums = SumIndirect(side, cone, weight, scratch);
         sums.all = all;
-        StoreIndirect(FitIndirect(lobe, ToMoments(sums), settings_.drop), static_cast<uint16_t>(column),
-                      &result->slots[k]);
+        StoreSlice(lobe, sums, side, scratch, static_cast<uint16_t>(column), static_cast<uint32_t>(k), result,
+                   [&](LightList* list) {
+                     uint16_t* tiles = scratch->tiles.data();
+                     const int count = SelectBlockedTiles(side, cone, tiles);
+                     kernels_.list_lobe(side.arrays, tiles, count, weight, list);
+                   });
       }
     }
+  }
+
+  /// Stores an indirect slice as the lobes that it is worth; `fill` lists its light.
+  template <class Fill>
+  void StoreSlice(const SliceLobe& lobe, const IndirectSums& sums, const Side& side, Scratch* scratch,
+                  uint16_t column, uint32_t slot, BlockResult* result, const Fill& fill) const {
+    const IndirectMoments moments = ToMoments(sums);
+    LightGroups groups;
+    if (layout_.slice_lobes > 1 && CanBeSplit(moments, lobe, settings_.lobe_tolerance)) {
+      LightList list = scratch->List(side.samples->samples());
+      fill(&list);
+      groups = GroupLight(kernels_, list);
+      for (LightGroup& group : groups) group *= 1 / static_cast<double>(sums.all);
+      JoinLikeGroups(lobe, static_cast<int>(layout_.slice_lobes), settings_.lobe_tolerance, &groups);
+    }
+    if (groups.size() < 2) {
+      StoreIndirect(FitIndirect(lobe, moments, settings_.drop), column, &result->slots[slot]);
+      return;
+    }
+    for (int g = 0; g < groups.size(); ++g)
+      StoreIndirect(IndirectLobeOf(lobe, groups[g].Moments()), column,
+                    &result->slots[static_cast<uint32_t>(g) * layout_.stride() + slot]);
   }
 
   DirectSums SumDirect(const Side& side, const QueryCone& cone, const LobeWeight& weight,
@@ -149,28 +191,32 @@ class SharedGatherer : public Gatherer {
                            Scratch* scratch) const {
     uint16_t* tiles = scratch->tiles.data();
     IndirectSums sums;
-    const int count = kernels_.select_tiles(side.samples->blocked_cones(), cone, tiles);
-    for (int i = 0; i < count; ++i) tiles[i] = side.samples->blocked_tile(tiles[i]);
-    kernels_.indirect_lobe(side.arrays, tiles, count, weight, &sums);
+    kernels_.indirect_lobe(side.arrays, tiles, SelectBlockedTiles(side, cone, tiles), weight, &sums);
     return sums;
   }
 
-  void GatherDiffuse(uint32_t v, int s, const Side& side, BlockResult* result) {
+  int SelectBlockedTiles(const Side& side, const QueryCone& cone, uint16_t* tiles) const {
+    const int count = kernels_.select_tiles(side.samples->blocked_cones(), cone, tiles);
+    for (int i = 0; i < count; ++i) tiles[i] = side.samples->blocked_tile(tiles[i]);
+    return count;
+  }
+
+  void GatherDiffuse(uint32_t v, int s, const Side& side, Scratch* scratch, BlockResult* result) {
     const glm::vec3& diffuse = input_.domain.diffuse[v];
     if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
     ++result->counters.slices;
     if (!side.samples->any_blocked()) return;
     const SliceLobe lobe{side.frame.n, kCosineKappa};
-    BlockRows* rows = &result->slots.back();
     if (!light_) {
       DirectSums sums;
       kernels_.direct_cosine(side.arrays, side.samples->tiles(), &sums);
       StoreDirect(FitDirect(lobe, ToMoments(sums, side, lobe.mu, 2.0 / 3), settings_.drop),
-                  static_cast<uint16_t>(s), rows);
+                  static_cast<uint16_t>(s), &result->slots[layout_.specular]);
     } else {
       IndirectSums sums;
       kernels_.indirect_cosine(side.arrays, side.samples->tiles(), &sums);
-      StoreIndirect(FitIndirect(lobe, ToMoments(sums), settings_.drop), static_cast<uint16_t>(s), rows);
+      StoreSlice(lobe, sums, side, scratch, static_cast<uint16_t>(s), layout_.specular, result,
+                 [&](LightList* list) { kernels_.list_cosine(side.arrays, side.samples->tiles(), list); });
     }
   }
 
@@ -199,6 +245,7 @@ class SharedGatherer : public Gatherer {
   const BakeSettings settings_;
   const GatherKernels& kernels_;
   std::vector<SliceSampler> samplers_;  ///< of input_.domain.shapes
+  SlotLayout layout_;                   ///< of this layer
   HitSetCache cache_;
   std::unique_ptr<const LayerLight> light_;  ///< of the layer before; null while layer 0 is gathered
 };

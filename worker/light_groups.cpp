@@ -1,0 +1,159 @@
+// Which samples of a slice make one lobe together. A slice that sees different things, or one thing past an
+// edge, has its light from directions that no single lobe covers without covering much else.
+#include "worker/light_groups.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <utility>
+
+#include "common/base/frame.h"
+#include "common/lobes/vmf.h"
+
+namespace glint {
+namespace {
+
+constexpr double kNarrow = 0.5;      ///< of the width that the unoccluded lobe has
+constexpr int kRounds = 3;           ///< of k-means
+constexpr int kPowerIterations = 6;  ///< the axes only start it
+constexpr float kLine = 0.5f;        ///< a spread whose second axis is shorter by this much is a line
+
+/// Symmetric 3 x 3 matrix: xx, xy, xz, yy, yz, zz.
+struct Spread {
+  float c[6] = {};
+  glm::vec3 operator*(const glm::vec3& v) const {
+    return {c[0] * v.x + c[1] * v.y + c[2] * v.z, c[1] * v.x + c[3] * v.y + c[4] * v.z,
+            c[2] * v.x + c[4] * v.y + c[5] * v.z};
+  }
+  /// Its longest column: no start of a power iteration is less likely to be across the first axis.
+  glm::vec3 LongestColumn() const {
+    const glm::vec3 columns[3] = {{c[0], c[1], c[2]}, {c[1], c[3], c[4]}, {c[2], c[4], c[5]}};
+    return *std::max_element(columns, columns + 3, [](const glm::vec3& a, const glm::vec3& b) {
+      return glm::dot(a, a) < glm::dot(b, b);
+    });
+  }
+};
+
+/// Unit vector along v, or 0.
+glm::vec3 UnitOrZero(const glm::vec3& v) {
+  const float length = glm::length(v);
+  return length > 1e-30f ? v / length : glm::vec3(0);
+}
+
+/// The spread's first and second axes, each as long as its standard deviation.
+std::array<glm::vec3, 2> PrincipalAxes(const Spread& spread, float strength) {
+  glm::vec3 first = UnitOrZero(spread.LongestColumn());
+  for (int i = 0; i < kPowerIterations; ++i) first = UnitOrZero(spread * first);
+  const float variance = glm::dot(first, spread * first);
+  Spread rest = spread;  // without the first axis
+  const float removed[6] = {first.x * first.x, first.x * first.y, first.x * first.z,
+                            first.y * first.y, first.y * first.z, first.z * first.z};
+  for (int i = 0; i < 6; ++i) rest.c[i] -= variance * removed[i];
+  glm::vec3 second = UnitOrZero(rest.LongestColumn());
+  for (int i = 0; i < kPowerIterations; ++i) second = UnitOrZero(rest * second);
+  const float rest_variance = std::max(0.0f, glm::dot(second, rest * second));
+  return {first * std::sqrt(std::max(0.0f, variance) / strength),
+          second * std::sqrt(rest_variance / strength)};
+}
+
+/// Four places in a row where the spread is a line, else in a square.
+void PlaceCentres(const glm::vec3& mean, const std::array<glm::vec3, 2>& axes,
+                  float centres[kMaxLightGroups][3]) {
+  static_assert(kMaxLightGroups == 4);
+  const auto& [a, b] = axes;
+  const bool line = glm::length(b) < kLine * glm::length(a);
+  const glm::vec3 offset[4] = {line ? -1.2f * a : -a - b, line ? -0.4f * a : -a + b, line ? 0.4f * a : a - b,
+                               line ? 1.2f * a : a + b};
+  for (int g = 0; g < kMaxLightGroups; ++g)
+    for (int c = 0; c < 3; ++c) centres[g][c] = mean[c] + offset[g][c];
+}
+
+/// Inner product of two lobes with their strengths.
+double Product(const Vmf& a, double strength_a, const Vmf& b, double strength_b) {
+  return strength_a * strength_b * static_cast<double>(VmfInnerProduct(a, b));
+}
+
+/// What joining two groups loses (JoinLikeGroups).
+double JoinLoss(const LightGroup& a, const LightGroup& b, const SliceLobe& lobe) {
+  LightGroup both = a;
+  both += b;
+  const Vmf la = LobeOf(a.moment, a.strength, lobe), lb = LobeOf(b.moment, b.strength, lobe),
+            lc = LobeOf(both.moment, both.strength, lobe);
+  const double s = a.strength, t = b.strength, u = both.strength;
+  const double apart = Product(la, s, la, s) + Product(lb, t, lb, t) + 2 * Product(la, s, lb, t);
+  const double joined = Product(lc, u, lc, u);
+  const double crossed = Product(la, s, lc, u) + Product(lb, t, lc, u);
+  return std::sqrt(u * std::max(0.0, apart + joined - 2 * crossed) / apart);
+}
+
+}  // namespace
+
+LightGroup& LightGroup::operator+=(const LightGroup& o) {
+  strength += o.strength;
+  moment += o.moment;
+  colour += o.colour;
+  return *this;
+}
+
+LightGroup& LightGroup::operator*=(double factor) {
+  strength *= factor;
+  moment *= factor;
+  colour *= factor;
+  return *this;
+}
+
+void LightGroups::Join(int i, int j) {
+  group_[i] += group_[j];
+  group_[j] = group_[--count_];
+}
+
+bool CanBeSplit(const IndirectMoments& moments, const SliceLobe& lobe, double tolerance) {
+  const double strength = Luminance(glm::vec3(moments.alpha));
+  if (!(std::sqrt(strength) > tolerance)) return false;
+  const double delta = 1 - glm::length(moments.moment) / strength;
+  return delta * lobe.resolved_kappa() > kNarrow;
+}
+
+LightGroups GroupLight(const GatherKernels& kernels, const LightList& list) {
+  LightSums sums[kMaxLightGroups];
+  float centres[kMaxLightGroups][3] = {};
+  kernels.group(list, centres, false, sums);  // equal centres: all in the first group
+  LightGroups groups;
+  const float strength = sums[0].strength;
+  if (!(strength > 0)) return groups;
+  const glm::vec3 mean(sums[0].moment[0] / strength, sums[0].moment[1] / strength,
+                       sums[0].moment[2] / strength);
+  Spread spread;
+  kernels.spread(list, &mean.x, spread.c);
+  PlaceCentres(mean, PrincipalAxes(spread, strength), centres);
+  for (int round = 0; round < kRounds; ++round) {
+    const bool last = round == kRounds - 1;
+    kernels.group(list, centres, last, sums);
+    for (int g = 0; g < kMaxLightGroups; ++g)
+      for (int c = 0; c < 3; ++c)
+        if (sums[g].strength > 0) centres[g][c] = sums[g].moment[c] / sums[g].strength;
+  }
+  for (const LightSums& s : sums)
+    if (s.strength > 0)
+      groups.Add(
+          {s.strength, {s.moment[0], s.moment[1], s.moment[2]}, {s.colour[0], s.colour[1], s.colour[2]}});
+  return groups;
+}
+
+void JoinLikeGroups(const SliceLobe& lobe, int most, double tolerance, LightGroups* groups) {
+  while (groups->size() > 1) {
+    double least = 0;
+    std::pair<int, int> pair{-1, -1};
+    for (int i = 0; i < groups->size(); ++i)
+      for (int j = i + 1; j < groups->size(); ++j) {
+        const double loss = JoinLoss((*groups)[i], (*groups)[j], lobe);
+        if (pair.first < 0 || loss < least) least = loss, pair = {i, j};
+      }
+    if (groups->size() <= most && least > tolerance) break;
+    groups->Join(pair.first, pair.second);
+  }
+  std::stable_sort(groups->begin(), groups->end(),
+                   [](const LightGroup& a, const LightGroup& b) { return a.strength > b.strength; });
+}
+
+}  // namespace glint
