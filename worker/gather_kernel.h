@@ -18,8 +18,8 @@ struct SampleArrays {
   const float* z;
   const float* solid_angle;  ///< sr; 0 for padding and invalid samples
   const float* blocked;      ///< part of the sample that meets a surface, in [0, 1]
-  const float*
-      light[6];  ///< alpha r, g, b and first moment x, y, z that the surface sends back; 0 where unblocked
+  /// alpha r, g, b and first moment x, y, z that the surface sends back, times the blocked solid angle
+  const float* light[6];
   const uint32_t* tile_begin;   ///< tiles + 1 offsets, multiples of kLanes
   const uint8_t* tile_blocked;  ///< 1 if any sample of the tile is blocked
 };
@@ -32,6 +32,11 @@ struct TileCones {
   const float* cos_radius;
   const float* sin_radius;
   int padded_count;
+};
+
+/// Tiles' cones, and a cone around each kLanes of them in a row.
+struct ConeTree {
+  TileCones tiles, groups;
 };
 
 /// A cone around (x, y, z).
@@ -50,7 +55,6 @@ struct DirectSums {
 };
 
 struct IndirectSums {
-  float all = 0;
   float light[6] = {};
 };
 
@@ -74,20 +78,20 @@ inline constexpr int kMaxLightGroups = 4;
 struct GatherKernels {
   const char* level;
   /// Writes the indices of tiles whose cone meets the query's; returns how many.
-  int (*select_tiles)(const TileCones& cones, const QueryCone& query, uint16_t* out);
+  int (*select_tiles)(const ConeTree& cones, const QueryCone& query, uint16_t* out);
   /// Whether any cone meets the query's.
-  bool (*any_tile)(const TileCones& cones, const QueryCone& query);
+  bool (*any_tile)(const ConeTree& cones, const QueryCone& query);
   void (*direct_lobe)(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w,
                       DirectSums* out);
   void (*indirect_lobe)(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w,
                         IndirectSums* out);
-  /// The same with the cosine (z) as weight, over all `tiles` tiles.
-  void (*direct_cosine)(const SampleArrays& s, int tiles, DirectSums* out);
-  void (*indirect_cosine)(const SampleArrays& s, int tiles, IndirectSums* out);
+  /// The same with the cosine (z) as weight.
+  void (*direct_cosine)(const SampleArrays& s, const uint16_t* tiles, int count, DirectSums* out);
+  void (*indirect_cosine)(const SampleArrays& s, const uint16_t* tiles, int count, IndirectSums* out);
   /// Lists the light of the samples that send some, weighted as above. The list has room for all samples.
   void (*list_lobe)(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w,
                     LightList* out);
-  void (*list_cosine)(const SampleArrays& s, int tiles, LightList* out);
+  void (*list_cosine)(const SampleArrays& s, const uint16_t* tiles, int count, LightList* out);
   /// Sum of strength * d d^T over a list, d = moment / strength - mean: xx, xy, xz, yy, yz, zz.
   void (*spread)(const LightList& list, const float mean[3], float out[6]);
   /// Sums the samples by the nearest of kMaxLightGroups centres, the first of equals.

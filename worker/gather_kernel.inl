@@ -1,5 +1,5 @@
-// Body of the gather kernels; included by one source file per instruction set, which defines GLINT_KERNELS
-// (the name of the table) and GLINT_KERNEL_LEVEL.
+// Body of the gather kernels; included by one source file per instruction set, which defines GLINT_KERNELS (the name of
+// the table) and GLINT_KERNEL_LEVEL.
 
 #include "worker/gather_kernel.h"
 
@@ -17,12 +17,10 @@ inline Floats Load(const float* p) {
 
 inline Floats Splat(float x) { return Floats{x, x, x, x, x, x, x, x}; }
 
-inline float Sum(const Floats& v) {
-  return ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]));
-}
+inline float Sum(const Floats& v) { return ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7])); }
 
-/// 2^x for x <= 0, relative error 3e-7; what lies below 2^-126 gives about 2^-126. Round to the nearest
-/// integer with the 1.5 * 2^23 trick, whose low bits then are that integer and go to the exponent.
+/// 2^x for x <= 0, relative error 3e-7; what lies below 2^-126 gives about 2^-126. Round to the nearest integer with
+/// the 1.5 * 2^23 trick, whose low bits then are that integer and go to the exponent.
 inline Floats Exp2(Floats x) {
   x = x < -126.0f ? Splat(-126.0f) : x;
   const Floats shifted = x + 12582912.0f;
@@ -44,8 +42,7 @@ inline Floats Exp2(Floats x) {
 
 struct LobeWeigher {
   Floats x, y, z, k;
-  explicit LobeWeigher(const LobeWeight& w)
-      : x(Splat(w.x)), y(Splat(w.y)), z(Splat(w.z)), k(Splat(w.kappa_log2e)) {}
+  explicit LobeWeigher(const LobeWeight& w) : x(Splat(w.x)), y(Splat(w.y)), z(Splat(w.z)), k(Splat(w.kappa_log2e)) {}
   Floats operator()(const Floats& sx, const Floats& sy, const Floats& sz) const {
     const Floats exponent = k * (x * sx + y * sy + z * sz - 1.0f);
     return Exp2(exponent > 0.0f ? Splat(0) : exponent);
@@ -77,43 +74,39 @@ struct DirectAccumulator {
     }
   }
   void Finish(DirectSums* out) const {
-    *out = {Sum(sum[0]), Sum(sum[1]), Sum(sum[2]), Sum(sum[3]),
-            Sum(sum[4]), Sum(sum[5]), Sum(sum[6]), Sum(sum[7])};
+    *out = {Sum(sum[0]), Sum(sum[1]), Sum(sum[2]), Sum(sum[3]), Sum(sum[4]), Sum(sum[5]), Sum(sum[6]), Sum(sum[7])};
   }
 };
 
 struct IndirectAccumulator {
-  Floats all = {};
   Floats light[6] = {};
   template <class Weigher>
   void AddTile(const SampleArrays& s, uint32_t tile, const Weigher& weigher) {
-    const bool blocked = s.tile_blocked[tile];
     for (uint32_t i = s.tile_begin[tile]; i < s.tile_begin[tile + 1]; i += kLanes) {
-      const Floats w = weigher(Load(s.x + i), Load(s.y + i), Load(s.z + i)) * Load(s.solid_angle + i);
-      all += w;
-      if (!blocked) continue;
+      const Floats w = weigher(Load(s.x + i), Load(s.y + i), Load(s.z + i));
       for (int c = 0; c < 6; ++c) light[c] += w * Load(s.light[c] + i);
     }
   }
   void Finish(IndirectSums* out) const {
-    out->all = Sum(all);
     for (int c = 0; c < 6; ++c) out->light[c] = Sum(light[c]);
   }
 };
 
-template <class Accumulator, class Sums>
-void SumLobe(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w, Sums* out) {
-  const LobeWeigher weigher(w);
+template <class Accumulator, class Weigher, class Sums>
+inline void SumTiles(const SampleArrays& s, const uint16_t* tiles, int count, const Weigher& weigher, Sums* out) {
   Accumulator sums;
   for (int i = 0; i < count; ++i) sums.AddTile(s, tiles[i], weigher);
   sums.Finish(out);
 }
 
 template <class Accumulator, class Sums>
-void SumCosine(const SampleArrays& s, int tiles, Sums* out) {
-  Accumulator sums;
-  for (int tile = 0; tile < tiles; ++tile) sums.AddTile(s, tile, CosineWeigher{});
-  sums.Finish(out);
+void SumLobe(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w, Sums* out) {
+  SumTiles<Accumulator>(s, tiles, count, LobeWeigher(w), out);
+}
+
+template <class Accumulator, class Sums>
+void SumCosine(const SampleArrays& s, const uint16_t* tiles, int count, Sums* out) {
+  SumTiles<Accumulator>(s, tiles, count, CosineWeigher{}, out);
 }
 
 /// Rec. 709, as Luminance in common/base.
@@ -122,32 +115,30 @@ constexpr float kLuminance[3] = {0.2126f, 0.7152f, 0.0722f};
 inline void Store(float* p, const Floats& v) { __builtin_memcpy(p, &v, sizeof v); }
 
 template <class Weigher>
-void ListTile(const SampleArrays& s, uint32_t tile, const Weigher& weigher, LightList* out) {
-  for (uint32_t i = s.tile_begin[tile]; i < s.tile_begin[tile + 1]; i += kLanes) {
-    const Floats weight = weigher(Load(s.x + i), Load(s.y + i), Load(s.z + i)) * Load(s.solid_angle + i);
-    Floats light[6];
-    for (int c = 0; c < 6; ++c) light[c] = weight * Load(s.light[c] + i);
-    const Floats strength = kLuminance[0] * light[0] + kLuminance[1] * light[1] + kLuminance[2] * light[2];
-    if (!(Sum(strength) > 0)) continue;
-    Store(out->channel[0] + out->count, strength);
-    for (int c = 0; c < 3; ++c) {
-      Store(out->channel[1 + c] + out->count, light[3 + c]);
-      Store(out->channel[4 + c] + out->count, light[c]);
+inline void ListTiles(const SampleArrays& s, const uint16_t* tiles, int count, const Weigher& weigher, LightList* out) {
+  out->count = 0;
+  for (int t = 0; t < count; ++t)
+    for (uint32_t i = s.tile_begin[tiles[t]]; i < s.tile_begin[tiles[t] + 1]; i += kLanes) {
+      const Floats weight = weigher(Load(s.x + i), Load(s.y + i), Load(s.z + i));
+      Floats light[6];
+      for (int c = 0; c < 6; ++c) light[c] = weight * Load(s.light[c] + i);
+      const Floats strength = kLuminance[0] * light[0] + kLuminance[1] * light[1] + kLuminance[2] * light[2];
+      if (!(Sum(strength) > 0)) continue;
+      Store(out->channel[0] + out->count, strength);
+      for (int c = 0; c < 3; ++c) {
+        Store(out->channel[1 + c] + out->count, light[3 + c]);
+        Store(out->channel[4 + c] + out->count, light[c]);
+      }
+      out->count += kLanes;
     }
-    out->count += kLanes;
-  }
 }
 
 void ListLobe(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w, LightList* out) {
-  const LobeWeigher weigher(w);
-  out->count = 0;
-  for (int i = 0; i < count; ++i) ListTile(s, tiles[i], weigher, out);
+  ListTiles(s, tiles, count, LobeWeigher(w), out);
 }
 
-void ListCosine(const SampleArrays& s, int tiles, LightList* out) {
-  out->count = 0;
-  for (int tile = 0; tile < tiles; ++tile)
-    if (s.tile_blocked[tile]) ListTile(s, static_cast<uint32_t>(tile), CosineWeigher{}, out);
+void ListCosine(const SampleArrays& s, const uint16_t* tiles, int count, LightList* out) {
+  ListTiles(s, tiles, count, CosineWeigher{}, out);
 }
 
 void Spread(const LightList& list, const float mean[3], float out[6]) {
@@ -227,8 +218,8 @@ struct ConeQuery {
   explicit ConeQuery(const QueryCone& q)
       : x(Splat(q.x)), y(Splat(q.y)), z(Splat(q.z)), cos_b(Splat(q.cos_radius)), sin_b(Splat(q.sin_radius)) {}
 
-  /// Bit l: cone i + l meets it. Two cones meet if the angle between their axes is at most the sum of their
-  /// radii a + b; with a + b <= pi that is cos(angle) >= cos a cos b - sin a sin b.
+  /// Bit l: cone i + l meets it. Two cones meet if the angle between their axes is at most the sum of their radii a + b;
+  /// with a + b <= pi that is cos(angle) >= cos a cos b - sin a sin b.
   uint32_t Meets(const TileCones& cones, int i) const {
     const Floats cos_a = Load(cones.cos_radius + i), sin_a = Load(cones.sin_radius + i);
     const Floats cosine = x * Load(cones.x + i) + y * Load(cones.y + i) + z * Load(cones.z + i);
@@ -239,20 +230,29 @@ struct ConeQuery {
   }
 };
 
-int SelectTiles(const TileCones& cones, const QueryCone& query, uint16_t* out) {
+/// Calls visit(tile, mask of kLanes tiles from there) for what the query meets, until it returns true.
+template <class Visitor>
+inline bool VisitTiles(const ConeTree& cones, const QueryCone& query, const Visitor& visit) {
   const ConeQuery cone(query);
+  for (int g = 0; g < cones.groups.padded_count; g += kLanes)
+    for (uint32_t groups = cone.Meets(cones.groups, g); groups; groups &= groups - 1) {
+      const int tile = (g + __builtin_ctz(groups)) * kLanes;
+      if (visit(tile, cone.Meets(cones.tiles, tile))) return true;
+    }
+  return false;
+}
+
+int SelectTiles(const ConeTree& cones, const QueryCone& query, uint16_t* out) {
   int count = 0;
-  for (int i = 0; i < cones.padded_count; i += kLanes)
-    for (uint32_t inside = cone.Meets(cones, i); inside; inside &= inside - 1)
-      out[count++] = static_cast<uint16_t>(i + __builtin_ctz(inside));
+  VisitTiles(cones, query, [&](int tile, uint32_t inside) {
+    for (; inside; inside &= inside - 1) out[count++] = static_cast<uint16_t>(tile + __builtin_ctz(inside));
+    return false;
+  });
   return count;
 }
 
-bool AnyTile(const TileCones& cones, const QueryCone& query) {
-  const ConeQuery cone(query);
-  for (int i = 0; i < cones.padded_count; i += kLanes)
-    if (cone.Meets(cones, i)) return true;
-  return false;
+bool AnyTile(const ConeTree& cones, const QueryCone& query) {
+  return VisitTiles(cones, query, [](int, uint32_t inside) { return inside != 0; });
 }
 
 }  // namespace

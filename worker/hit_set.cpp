@@ -235,115 +235,6 @@ class HitSetBuilder {
 
 }  // namespace
 
-void HemisphereSamples::ConeArrays::Clear() {
-  for (auto* a : {&x, &y, &z, &cos_radius, &sin_radius}) a->clear();
-}
-
-void HemisphereSamples::ConeArrays::Add(const HemisphereLattice::Cone& cone) {
-  x.push_back(cone.axis.x);
-  y.push_back(cone.axis.y);
-  z.push_back(cone.axis.z);
-  cos_radius.push_back(cone.cos_radius);
-  sin_radius.push_back(cone.sin_radius);
-}
-
-TileCones HemisphereSamples::ConeArrays::Pad() {
-  while (x.size() % kLanes != 0) Add({{0, 0, 1}, -4, 0});
-  return {x.data(), y.data(), z.data(), cos_radius.data(), sin_radius.data(), static_cast<int>(x.size())};
-}
-
-inline void HemisphereSamples::AddSample(const glm::vec3& direction, float solid_angle, uint8_t outcome) {
-  if (outcome == HitSet::kInvalid) return;
-  float blocked = outcome == HitSet::kHit ? 1.0f : 0.0f;
-  if (outcome >= HitSet::kPartial) {
-    const int leaving = ((outcome - HitSet::kPartial) & 3) + 1;
-    blocked = static_cast<float>((outcome - HitSet::kPartial) >> 2) / static_cast<float>(leaving);
-    solid_angle *= 0.25f * static_cast<float>(leaving);
-  }
-  if (blocked > 0) hit_sample_.push_back(count_);
-  x_[count_] = direction.x;
-  y_[count_] = direction.y;
-  z_[count_] = direction.z;
-  solid_angle_[count_] = solid_angle;
-  blocked_[count_] = blocked;
-  ++count_;
-}
-
-void HemisphereSamples::Expand(const HitSet& hits, const HemisphereLattice& lattice) {
-  tiles_ = lattice.tiles();
-  const size_t room = hits.outcome.size() + static_cast<size_t>(tiles_) * kLanes;
-  for (auto* a : {&x_, &y_, &z_, &solid_angle_, &blocked_})
-    if (a->size() < room) a->resize(room);
-  count_ = 0;
-  tile_begin_.clear();
-  tile_blocked_.clear();
-  blocked_tiles_.clear();
-  hit_sample_.clear();
-  cone_arrays_.Clear();
-  blocked_cone_arrays_.Clear();
-  const uint8_t* outcome = hits.outcome.data();
-  const uint8_t* quarter = outcome + hits.cells;
-  for (int tile = 0; tile < tiles_; ++tile) {
-    tile_begin_.push_back(count_);
-    const size_t hits_before = hit_sample_.size();
-    const int first_cell = tile * HemisphereLattice::kTileCells;
-    for (int c = first_cell; c < first_cell + HemisphereLattice::kTileCells; ++c) {
-      if (outcome[c] == HitSet::kSplit) {
-        for (int q = 0; q < 4; ++q)
-          AddSample(lattice.direction(1, 4 * c + q), lattice.solid_angle(1), *quarter++);
-      } else {
-        AddSample(lattice.direction(0, c), lattice.solid_angle(0), outcome[c]);
-      }
-    }
-    for (; count_ % kLanes != 0; ++count_) {
-      x_[count_] = y_[count_] = solid_angle_[count_] = blocked_[count_] = 0;
-      z_[count_] = 1;
-    }
-    const bool blocked = hit_sample_.size() > hits_before;
-    tile_blocked_.push_back(blocked);
-    cone_arrays_.Add(lattice.tile_cone(tile));
-    if (!blocked) continue;
-    blocked_cone_arrays_.Add(lattice.tile_cone(tile));
-    blocked_tiles_.push_back(static_cast<uint16_t>(tile));
-  }
-  tile_begin_.push_back(count_);
-  cones_ = cone_arrays_.Pad();
-  blocked_cones_ = blocked_cone_arrays_.Pad();
-}
-
-void HemisphereSamples::Shade(const HitSet& hits, const Frame& frame, const LayerLight& light) {
-  const size_t count = hits.hits.size();
-  queries_.resize(count);
-  answers_.resize(count);
-  for (size_t h = 0; h < count; ++h) {
-    const SurfaceHit& hit = hits.hits[h];
-    const uint32_t i = hit_sample_[h];
-    queries_[h] = {hit.triangle, static_cast<float>(hit.u) * (1 / 65535.0f),
-                   static_cast<float>(hit.v) * (1 / 65535.0f), -frame.ToWorld({x_[i], y_[i], z_[i]})};
-  }
-  light.Look(queries_, answers_.data());
-  for (auto& channel : light_) channel.assign(count_, 0.0f);
-  for (size_t h = 0; h < count; ++h) {
-    const uint32_t i = hit_sample_[h];
-    for (int c = 0; c < 3; ++c) {
-      light_[c][i] = blocked_[i] * answers_[h].alpha[c];
-      light_[3 + c][i] = blocked_[i] * answers_[h].moment[c];
-    }
-  }
-}
-
-SampleArrays HemisphereSamples::arrays() const {
-  return {x_.data(),
-          y_.data(),
-          z_.data(),
-          solid_angle_.data(),
-          blocked_.data(),
-          {light_[0].data(), light_[1].data(), light_[2].data(), light_[3].data(), light_[4].data(),
-           light_[5].data()},
-          tile_begin_.data(),
-          tile_blocked_.data()};
-}
-
 HitSetCache::HitSetCache(const GatherInput& input, const BakeSettings& settings, uint64_t memory_bytes)
     : input_(input),
       settings_(settings),
@@ -381,7 +272,7 @@ std::unique_ptr<HitSet> HitSetCache::Trace(uint32_t vertex, bool back) const {
           &buffers);
   fan.Trace(settings_.split_levels);
   auto set = std::make_unique<HitSet>(HitSetBuilder(fan).Build());
-  set->lobe_weights.assign(input_.grid.size() * static_cast<size_t>(input_.domain.max_lobes()), -1.0f);
+  set->lobe_weights.assign(input_.grid.size() * static_cast<size_t>(input_.domain.max_lobes()) + 1, -1.0f);
   return set;
 }
 

@@ -81,7 +81,10 @@ HemisphereLattice::HemisphereLattice(int side) : side_(side) {
     for (int i = 0; i < kTileCells * finest; ++i)
       cosine = std::min(cosine, glm::dot(axis, directions_[kLevels - 1][tile * kTileCells * finest + i]));
     cones_.push_back({axis, cosine, std::sqrt(std::max(0.0f, 1 - cosine * cosine))});
+    all_cones_.Add(cones_.back());
+    all_tiles_.push_back(static_cast<uint16_t>(tile));
   }
+  all_cones_.Finish();
 }
 
 }  // namespace glint

@@ -5,6 +5,8 @@
 #include <glm/vec3.hpp>
 #include <vector>
 
+#include "worker/tile_cones.h"
+
 namespace glint {
 
 /// side x side cells of equal solid angle over the hemisphere z > 0 (the concentric map of the square to the
@@ -29,19 +31,20 @@ class HemisphereLattice {
   /// Place of sample i on the square of side() * 2^level samples a side.
   const std::array<uint16_t, 2>& place(int level, int i) const { return places_[level][i]; }
 
-  struct Cone {
-    glm::vec3 axis;
-    float cos_radius, sin_radius;
-  };
   /// Contains every sample of the tile, of all levels.
-  const Cone& tile_cone(int tile) const { return cones_[tile]; }
+  const ConeList::Cone& tile_cone(int tile) const { return cones_[tile]; }
+  /// Every tile's, and the tiles themselves.
+  ConeTree cones() const { return all_cones_.tree(); }
+  const std::vector<uint16_t>& all_tiles() const { return all_tiles_; }
 
  private:
   int side_;
   std::array<float, kLevels> solid_angle_;
   std::array<std::vector<glm::vec3>, kLevels> directions_;
   std::array<std::vector<std::array<uint16_t, 2>>, kLevels> places_;
-  std::vector<Cone> cones_;
+  std::vector<ConeList::Cone> cones_;
+  ConeList all_cones_;
+  std::vector<uint16_t> all_tiles_;
 };
 
 /// The unit square mapped with equal areas to the hemisphere z >= 0.

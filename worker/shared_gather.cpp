@@ -11,10 +11,10 @@
 #include <glm/geometric.hpp>
 #include <utility>
 
-#include "common/base/frame.h"
 #include "common/lobes/slice_sampler.h"
 #include "common/lobes/vmf.h"
 #include "worker/gather_kernel.h"
+#include "worker/hemisphere_samples.h"
 #include "worker/hit_set.h"
 #include "worker/layer_light.h"
 #include "worker/light_groups.h"
@@ -25,7 +25,8 @@ namespace glint {
 namespace {
 
 constexpr float kLog2E = 1.44269504f;
-constexpr float kCutoff = 7;  ///< a lobe ends where its exponent is -7: 9e-4 of its weight lies beyond
+constexpr float kCutoff = 6;     ///< a lobe ends where its exponent is -6: 2.5e-3 of its weight lies beyond
+constexpr float kDark = 0.125f;  ///< light below this part of what is dropped is none
 constexpr float kKappaPerSample = 0.6f;  ///< a lattice of n samples resolves lobes up to about 0.6 n
 
 /// Buffers of one thread.
@@ -48,8 +49,9 @@ struct Scratch {
 /// One side of a vertex, ready to be summed over.
 struct Side {
   std::unique_ptr<HitSet> keep;  ///< the hit set where the cache has no room for it
-  Frame frame;                   ///< lattice to world; n is the side's shading normal
-  HemisphereSamples* samples;
+  const HemisphereLattice* lattice;
+  Frame frame;  ///< lattice to world; n is the side's shading normal
+  const HemisphereSamples* samples;
   SampleArrays arrays;
   float* lobe_weights;  ///< HitSet::lobe_weights
   float max_kappa;
@@ -106,12 +108,18 @@ class SharedGatherer : public Gatherer {
     const HitSet& hits = cache_.Get(v, s, &side.keep);
     if (!light_ && counters) counters->rays += hits.rays;
     const HemisphereLattice& lattice = cache_.lattice(v);
+    HemisphereSamples& samples = scratch->samples[s];
+    side.lattice = &lattice;
     side.frame = cache_.LatticeFrame(v, s);
-    side.samples = &scratch->samples[s];
-    side.samples->Expand(hits, lattice);
+    side.samples = &samples;
+    samples.Expand(hits, lattice);
     side.lobe_weights = hits.lobe_weights.data();
-    if (light_) side.samples->Shade(hits, side.frame, *light_);
-    side.arrays = side.samples->arrays();
+    if (light_) {
+      const LatticePose pose{lattice, side.frame, cache_.surface().side(v, s).origin};
+      const uint64_t rays = samples.Shade(hits, pose, input_.rays, *light_, kDark * settings_.drop);
+      if (counters) counters->rays += rays;
+    }
+    side.arrays = samples.arrays();
     side.max_kappa = kKappaPerSample * static_cast<float>(lattice.cells());
     scratch->tiles.resize(std::max<size_t>(scratch->tiles.size(), lattice.tiles() + kLanes));
     return side;
@@ -121,14 +129,16 @@ class SharedGatherer : public Gatherer {
                     BlockResult* result) {
     const SliceSampler& sampler = samplers_[input_.domain.shape[v]];
     result->counters.slices += sampler.lobes();
-    if (!side.samples->any_blocked()) return;
+    if (!side.samples->any_active()) return;
     const UnoccludedSlice slice(sampler, side.frame.n, wo);
     for (int k = 0; k < sampler.lobes(); ++k) {
       const float fitted = slice.lobes.lobe[k].kappa, kappa = std::min(fitted, side.max_kappa);
       const glm::vec3 local = side.frame.ToLocal(slice.Direction(slice.lobes.lobe[k]));
       const float cosine = std::max(-1.0f, 1 - kCutoff / std::max(kappa, 1.0f));
       const QueryCone cone{local.x, local.y, local.z, cosine, std::sqrt(1 - cosine * cosine)};
-      if (!kernels_.any_tile(side.samples->blocked_cones(), cone)) continue;
+      const int active =
+          light_ ? SelectActive(side, cone, scratch) : kernels_.any_tile(side.samples->active_cones(), cone);
+      if (active == 0) continue;
       const LobeWeight weight{local.x, local.y, local.z, kappa * kLog2E};
       const BrdfLobe seen = slice.Seen(sampler, k);
       const float resolution = std::min(kappa / std::max(fitted, 1e-6f), 1.0f);
@@ -142,30 +152,33 @@ class SharedGatherer : public Gatherer {
         StoreDirect(FitDirect(lobe, moments, settings_.drop), static_cast<uint16_t>(column),
                     &result->slots[k]);
       } else {
+        IndirectSums sums;
+        kernels_.indirect_lobe(side.arrays, scratch->tiles.data(), active, weight, &sums);
         if (all < 0) all = SumDirect(side, cone, weight, scratch).all;
-        IndirectSums sums = SumIndirect(side, cone, weight, scratch);
-        sums.all = all;
-        StoreSlice(lobe, sums, side, scratch, static_cast<uint16_t>(column), static_cast<uint32_t>(k), result,
-                   [&](LightList* list) {
-                     uint16_t* tiles = scratch->tiles.data();
-                     const int count = SelectBlockedTiles(side, cone, tiles);
-                     kernels_.list_lobe(side.arrays, tiles, count, weight, list);
-                   });
+        const auto list = [&](LightList* out) {
+          kernels_.list_lobe(side.arrays, scratch->tiles.data(), SelectActive(side, cone, scratch), weight,
+                             out);
+        };
+        StoreIndirectSlice(lobe, sums, all, static_cast<uint16_t>(column), static_cast<uint32_t>(k), side,
+                           list, scratch, result);
       }
     }
   }
 
-  /// Stores an indirect slice as the lobes that it is worth; `fill` lists its light.
-  template <class Fill>
-  void StoreSlice(const SliceLobe& lobe, const IndirectSums& sums, const Side& side, Scratch* scratch,
-                  uint16_t column, uint32_t slot, BlockResult* result, const Fill& fill) const {
-    const IndirectMoments moments = ToMoments(sums);
+  /// Stores an indirect slice as the lobes that it is worth.
+  /// @param all   sum of its weights
+  /// @param list  lists its light
+  template <class List>
+  void StoreIndirectSlice(const SliceLobe& lobe, const IndirectSums& sums, float all, uint16_t column,
+                          uint32_t slot, const Side& side, const List& list, Scratch* scratch,
+                          BlockResult* result) const {
+    const IndirectMoments moments = ToMoments(sums, all);
     LightGroups groups;
     if (layout_.slice_lobes > 1 && CanBeSplit(moments, lobe, settings_.lobe_tolerance)) {
-      LightList list = scratch->List(side.samples->samples());
-      fill(&list);
-      groups = GroupLight(kernels_, list);
-      for (LightGroup& group : groups) group *= 1 / static_cast<double>(sums.all);
+      LightList light = scratch->List(side.samples->samples());
+      list(&light);
+      groups = GroupLight(kernels_, light);
+      for (LightGroup& group : groups) group *= 1.0 / all;
       JoinLikeGroups(lobe, static_cast<int>(layout_.slice_lobes), settings_.lobe_tolerance, &groups);
     }
     if (groups.size() < 2) {
@@ -177,47 +190,53 @@ class SharedGatherer : public Gatherer {
                     &result->slots[static_cast<uint32_t>(g) * layout_.stride() + slot]);
   }
 
+  /// Writes the active tiles that a cone meets to scratch->tiles; returns how many.
+  int SelectActive(const Side& side, const QueryCone& cone, Scratch* scratch) const {
+    uint16_t* tiles = scratch->tiles.data();
+    const int count = kernels_.select_tiles(side.samples->active_cones(), cone, tiles);
+    for (int i = 0; i < count; ++i) tiles[i] = side.samples->active_tiles()[tiles[i]];
+    return count;
+  }
+
   DirectSums SumDirect(const Side& side, const QueryCone& cone, const LobeWeight& weight,
                        Scratch* scratch) const {
     uint16_t* tiles = scratch->tiles.data();
     DirectSums sums;
-    const int count = kernels_.select_tiles(side.samples->cones(), cone, tiles);
+    const int count = kernels_.select_tiles(side.lattice->cones(), cone, tiles);
     kernels_.direct_lobe(side.arrays, tiles, count, weight, &sums);
     return sums;
-  }
-
-  /// Light comes from tiles that hold something only.
-  IndirectSums SumIndirect(const Side& side, const QueryCone& cone, const LobeWeight& weight,
-                           Scratch* scratch) const {
-    uint16_t* tiles = scratch->tiles.data();
-    IndirectSums sums;
-    kernels_.indirect_lobe(side.arrays, tiles, SelectBlockedTiles(side, cone, tiles), weight, &sums);
-    return sums;
-  }
-
-  int SelectBlockedTiles(const Side& side, const QueryCone& cone, uint16_t* tiles) const {
-    const int count = kernels_.select_tiles(side.samples->blocked_cones(), cone, tiles);
-    for (int i = 0; i < count; ++i) tiles[i] = side.samples->blocked_tile(tiles[i]);
-    return count;
   }
 
   void GatherDiffuse(uint32_t v, int s, const Side& side, Scratch* scratch, BlockResult* result) {
     const glm::vec3& diffuse = input_.domain.diffuse[v];
     if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
     ++result->counters.slices;
-    if (!side.samples->any_blocked()) return;
+    if (!side.samples->any_active()) return;
     const SliceLobe lobe{side.frame.n, kCosineKappa};
+    float& all = side.lobe_weights[input_.grid.size() * static_cast<size_t>(input_.domain.max_lobes())];
     if (!light_) {
-      DirectSums sums;
-      kernels_.direct_cosine(side.arrays, side.samples->tiles(), &sums);
+      const DirectSums sums = SumDirectCosine(side);
+      all = sums.all;
       StoreDirect(FitDirect(lobe, ToMoments(sums, side, lobe.mu, 2.0 / 3), settings_.drop),
                   static_cast<uint16_t>(s), &result->slots[layout_.specular]);
     } else {
+      const std::vector<uint16_t>& tiles = side.samples->active_tiles();
       IndirectSums sums;
-      kernels_.indirect_cosine(side.arrays, side.samples->tiles(), &sums);
-      StoreSlice(lobe, sums, side, scratch, static_cast<uint16_t>(s), layout_.specular, result,
-                 [&](LightList* list) { kernels_.list_cosine(side.arrays, side.samples->tiles(), list); });
+      kernels_.indirect_cosine(side.arrays, tiles.data(), static_cast<int>(tiles.size()), &sums);
+      if (all < 0) all = SumDirectCosine(side).all;
+      const auto list = [&](LightList* out) {
+        kernels_.list_cosine(side.arrays, tiles.data(), static_cast<int>(tiles.size()), out);
+      };
+      StoreIndirectSlice(lobe, sums, all, static_cast<uint16_t>(s), layout_.specular, side, list, scratch,
+                         result);
     }
+  }
+
+  DirectSums SumDirectCosine(const Side& side) const {
+    const std::vector<uint16_t>& tiles = side.lattice->all_tiles();
+    DirectSums sums;
+    kernels_.direct_cosine(side.arrays, tiles.data(), static_cast<int>(tiles.size()), &sums);
+    return sums;
   }
 
   /// The unoccluded lobe's mean is known exactly, so the samples only have to tell what blocking changes:
@@ -234,9 +253,10 @@ class SharedGatherer : public Gatherer {
     return {1 - h, (1 - h) * mean_cosine * glm::dvec3(mu) + h * change};
   }
 
-  static IndirectMoments ToMoments(const IndirectSums& sums) {
-    if (sums.all <= 0) return {};
-    const double scale = 1.0 / sums.all;
+  /// @param all  sum of the lobe's weights over all samples
+  static IndirectMoments ToMoments(const IndirectSums& sums, float all) {
+    if (all <= 0) return {};
+    const double scale = 1.0 / all;
     return {glm::dvec3(sums.light[0], sums.light[1], sums.light[2]) * scale,
             glm::dvec3(sums.light[3], sums.light[4], sums.light[5]) * scale};
   }

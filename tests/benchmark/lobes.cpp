@@ -23,6 +23,7 @@
 #include "common/render/prefilter.h"
 #include "common/scene/generate.h"
 #include "coordinator/bake.h"
+#include "worker/hemisphere_samples.h"
 #include "worker/hit_set.h"
 #include "worker/light_groups.h"
 #include "worker/slice_lobes.h"
@@ -30,6 +31,7 @@
 namespace glint {
 namespace {
 
+constexpr float kCutoff = -7;  ///< of a lobe's exponent
 constexpr int kLayers = 3, kTurns = 8, kSkies = 2;
 constexpr const char* kSkyNames[kSkies] = {"sunset", "studio"};
 constexpr int kSchemes = kMaxSliceLobes + 1;  ///< 1 .. kMaxSliceLobes lobes, then by the tolerance
@@ -123,44 +125,50 @@ class LobeBenchmark {
   Samples Gather(uint32_t v, const glm::vec3& wo, const SliceSampler& sampler, int k, SliceLobe* lobe) {
     std::unique_ptr<HitSet> keep;
     const HitSet& hits = cache_.Get(v, false, &keep);
+    const HemisphereLattice& lattice = cache_.lattice(v);
     const Frame frame = cache_.LatticeFrame(v, false);
     HemisphereSamples hemisphere;
-    hemisphere.Expand(hits, cache_.lattice(v));
-    if (light_) hemisphere.Shade(hits, frame, *light_);
+    hemisphere.Expand(hits, lattice);
+    if (light_)
+      hemisphere.Shade(hits, {lattice, frame, cache_.surface().side(v, false).origin}, rays_, *light_, 0);
     const SampleArrays a = hemisphere.arrays();
     const UnoccludedSlice slice(sampler, frame.n, wo);
-    const BrdfLobe& fitted = slice.lobes.lobe[k];
-    const BrdfLobe seen = slice.Seen(sampler, k);
+    const BrdfLobe &fitted = slice.lobes.lobe[k], seen = slice.Seen(sampler, k);
     *lobe = {slice.Direction(seen), seen.kappa, 1};
     const glm::vec3 axis = frame.ToLocal(slice.Direction(fitted));
-    double all = 0, blocked = 0;
-    std::vector<std::pair<uint32_t, float>> weights;
-    for (uint32_t i = 0; i < hemisphere.samples(); ++i) {
+    const auto weight = [&](uint32_t i) {
       const float exponent = fitted.kappa * (glm::dot(axis, {a.x[i], a.y[i], a.z[i]}) - 1);
-      if (a.solid_angle[i] <= 0 || exponent < -7) continue;
-      weights.emplace_back(i, std::exp(exponent) * a.solid_angle[i]);
-      all += weights.back().second;
-      blocked += weights.back().second * a.blocked[i];
+      return exponent < kCutoff ? 0.0f : std::exp(exponent);
+    };
+    double all = 0, blocked = 0;
+    for (uint32_t i = 0; i < hemisphere.samples(); ++i) {
+      all += weight(i) * a.solid_angle[i];
+      blocked += weight(i) * a.solid_angle[i] * a.blocked[i];
     }
     Samples samples;
     if (blocked < 1e-3 * all) return samples;
+    for (const uint16_t tile : light_ ? hemisphere.active_tiles() : lattice.all_tiles())
+      for (uint32_t i = a.tile_begin[tile]; i < a.tile_begin[tile + 1]; ++i)
+        AddSample(a, i, weight(i) / static_cast<float>(all), frame, &samples);
     double strength = 0;
-    for (auto [i, w] : weights) {
-      w /= static_cast<float>(all);
-      const glm::vec3 direction = frame.ToWorld({a.x[i], a.y[i], a.z[i]});
-      const float cell_kappa = 4 * kPi / a.solid_angle[i];
-      const glm::vec3 light =
-          w * (light_ ? glm::vec3(a.light[0][i], a.light[1][i], a.light[2][i]) : glm::vec3(1 - a.blocked[i]));
-      const glm::vec3 moment =
-          light_ ? w * glm::vec3(a.light[3][i], a.light[4][i], a.light[5][i]) : light.x * direction;
-      const float s = Luminance(light), length = glm::length(moment);
-      if (s <= 0 || length <= 0) continue;
-      const float kappa = KappaFromDelta(std::clamp(1 - length / s, 0.0f, 1.0f));
-      samples.Add(light, moment, {moment / length, light_ ? std::min(kappa, 4 * cell_kappa) : cell_kappa});
-      strength += s;
-    }
+    for (const Lobe& l : samples.lobes) strength += Luminance(l.light);
     if (strength < 1e-3) samples.lobes.clear();
     return samples;
+  }
+
+  void AddSample(const SampleArrays& a, uint32_t i, float weight, const Frame& frame,
+                 Samples* samples) const {
+    if (weight <= 0 || a.solid_angle[i] <= 0) return;
+    const glm::vec3 direction = frame.ToWorld({a.x[i], a.y[i], a.z[i]});
+    const glm::vec3 light = weight * (light_ ? glm::vec3(a.light[0][i], a.light[1][i], a.light[2][i])
+                                             : glm::vec3(a.solid_angle[i] * (1 - a.blocked[i])));
+    const glm::vec3 moment =
+        light_ ? weight * glm::vec3(a.light[3][i], a.light[4][i], a.light[5][i]) : light.x * direction;
+    const float strength = Luminance(light), length = glm::length(moment);
+    if (strength <= 0 || length <= 0) return;
+    const float cell_kappa = 4 * kPi / a.solid_angle[i];
+    const float kappa = KappaFromDelta(std::clamp(1 - length / strength, 0.0f, 1.0f));
+    samples->Add(light, moment, {moment / length, light_ ? std::min(kappa, 4 * cell_kappa) : cell_kappa});
   }
 
   void Judge(Samples* samples, const SliceLobe& lobe, const float* turns, Result* result) const {

@@ -39,7 +39,7 @@ TEST_P(LatticeTest, IntegratesLowOrderFunctionsOverTheHemisphere) {
 TEST_P(LatticeTest, TileConesHoldTheirSamples) {
   const HemisphereLattice lattice(GetParam());
   for (int tile = 0; tile < lattice.tiles(); ++tile) {
-    const HemisphereLattice::Cone& cone = lattice.tile_cone(tile);
+    const ConeList::Cone& cone = lattice.tile_cone(tile);
     for (int i = 0; i < HemisphereLattice::kTileCells; ++i) {
       const int cell = tile * HemisphereLattice::kTileCells + i;
       for (int level = 0; level < HemisphereLattice::kLevels; ++level)
