@@ -34,7 +34,7 @@ struct HitLight {
 /// moments: corners that are too far apart to be averaged are each kept, not grouped. Entries are decoded
 /// once into sixteen bytes that add up with two multiply-adds, all lobes of a (vertex, direction) side by
 /// side; look-ups run in batches whose stages prefetch what the next will read. Memory: 16 bytes a stored
-/// lobe, and 8 bytes for each 48 directions of a vertex. Immutable; thread-safe.
+/// slice, and 8 bytes for each 48 directions of a vertex. Immutable; thread-safe.
 class LayerLight {
  public:
   LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views, int layer,

@@ -68,22 +68,14 @@ void PlaceCentres(const glm::vec3& mean, const std::array<glm::vec3, 2>& axes,
     for (int c = 0; c < 3; ++c) centres[g][c] = mean[c] + offset[g][c];
 }
 
-/// Inner product of two lobes with their strengths.
-double Product(const Vmf& a, double strength_a, const Vmf& b, double strength_b) {
-  return strength_a * strength_b * static_cast<double>(VmfInnerProduct(a, b));
-}
-
-/// What joining two groups loses (JoinLikeGroups).
-double JoinLoss(const LightGroup& a, const LightGroup& b, const SliceLobe& lobe) {
-  LightGroup both = a;
-  both += b;
-  const Vmf la = LobeOf(a.moment, a.strength, lobe), lb = LobeOf(b.moment, b.strength, lobe),
-            lc = LobeOf(both.moment, both.strength, lobe);
-  const double s = a.strength, t = b.strength, u = both.strength;
-  const double apart = Product(la, s, la, s) + Product(lb, t, lb, t) + 2 * Product(la, s, lb, t);
-  const double joined = Product(lc, u, lc, u);
-  const double crossed = Product(la, s, lc, u) + Product(lb, t, lc, u);
-  return std::sqrt(u * std::max(0.0, apart + joined - 2 * crossed) / apart);
+/// Part of two groups' common spread that lies between them, times the root of their strength. Spread is
+/// strength minus length of the moment: it adds up but for what lies between.
+double JoinLoss(const LightGroup& a, const LightGroup& b) {
+  const double strength = a.strength + b.strength;
+  const double joined = glm::length(a.moment + b.moment), spread = strength - joined;
+  if (spread <= 0) return 0;
+  const double between = glm::length(a.moment) + glm::length(b.moment) - joined;
+  return std::sqrt(strength) * std::max(0.0, between) / spread;
 }
 
 }  // namespace
@@ -114,18 +106,15 @@ bool CanBeSplit(const IndirectMoments& moments, const SliceLobe& lobe, double to
   return delta * lobe.resolved_kappa() > kNarrow;
 }
 
-LightGroups GroupLight(const GatherKernels& kernels, const LightList& list) {
-  LightSums sums[kMaxLightGroups];
-  float centres[kMaxLightGroups][3] = {};
-  kernels.group(list, centres, false, sums);  // equal centres: all in the first group
+LightGroups GroupLight(const GatherKernels& kernels, const LightList& list, const LightGroup& total) {
   LightGroups groups;
-  const float strength = sums[0].strength;
-  if (!(strength > 0)) return groups;
-  const glm::vec3 mean(sums[0].moment[0] / strength, sums[0].moment[1] / strength,
-                       sums[0].moment[2] / strength);
+  if (!(total.strength > 0)) return groups;
+  const glm::vec3 mean(total.moment / total.strength);
   Spread spread;
   kernels.spread(list, &mean.x, spread.c);
-  PlaceCentres(mean, PrincipalAxes(spread, strength), centres);
+  float centres[kMaxLightGroups][3];
+  PlaceCentres(mean, PrincipalAxes(spread, static_cast<float>(total.strength)), centres);
+  LightSums sums[kMaxLightGroups];
   for (int round = 0; round < kRounds; ++round) {
     const bool last = round == kRounds - 1;
     kernels.group(list, centres, last, sums);
@@ -140,13 +129,13 @@ LightGroups GroupLight(const GatherKernels& kernels, const LightList& list) {
   return groups;
 }
 
-void JoinLikeGroups(const SliceLobe& lobe, int most, double tolerance, LightGroups* groups) {
+void JoinLikeGroups(int most, double tolerance, LightGroups* groups) {
   while (groups->size() > 1) {
     double least = 0;
     std::pair<int, int> pair{-1, -1};
     for (int i = 0; i < groups->size(); ++i)
       for (int j = i + 1; j < groups->size(); ++j) {
-        const double loss = JoinLoss((*groups)[i], (*groups)[j], lobe);
+        const double loss = JoinLoss((*groups)[i], (*groups)[j]);
         if (pair.first < 0 || loss < least) least = loss, pair = {i, j};
       }
     if (groups->size() <= most && least > tolerance) break;

@@ -44,12 +44,12 @@ bool CanBeSplit(const IndirectMoments& moments, const SliceLobe& lobe, double to
 /// Groups samples by the direction of their light: weighted k-means (Lloyd) on mean direction vectors,
 /// started from the principal axes of their spread, so that it depends on nothing but the list. What has no
 /// strength counts nowhere; samples that are all alike come as one group.
-LightGroups GroupLight(const GatherKernels& kernels, const LightList& list);
+/// @param total  sum of the list
+LightGroups GroupLight(const GatherKernels& kernels, const LightList& list, const LightGroup& total);
 
 /// Joins groups, each time the two that are least missed, while there are more than `most` of them or what is
-/// lost is below the tolerance: the L2 distance between two groups' lobes and their common one, relative to
-/// the two's norm, times the root of their strength. Leaves them in the order of strength.
-/// @param lobe  the slice's unoccluded lobe
-void JoinLikeGroups(const SliceLobe& lobe, int most, double tolerance, LightGroups* groups);
+/// lost is below the tolerance: the part of the two's common spread (1 - ||r||) that lies between them, times
+/// the root of their strength. Leaves them in the order of strength.
+void JoinLikeGroups(int most, double tolerance, LightGroups* groups);
 
 }  // namespace glint

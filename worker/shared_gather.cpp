@@ -177,9 +177,10 @@ class SharedGatherer : public Gatherer {
     if (layout_.slice_lobes > 1 && CanBeSplit(moments, lobe, settings_.lobe_tolerance)) {
       LightList light = scratch->List(side.samples->samples());
       list(&light);
-      groups = GroupLight(kernels_, light);
+      LightGroup total{Luminance(glm::vec3(moments.alpha)), moments.moment, moments.alpha};
+      groups = GroupLight(kernels_, light, total *= all);
       for (LightGroup& group : groups) group *= 1.0 / all;
-      JoinLikeGroups(lobe, static_cast<int>(layout_.slice_lobes), settings_.lobe_tolerance, &groups);
+      JoinLikeGroups(static_cast<int>(layout_.slice_lobes), settings_.lobe_tolerance, &groups);
     }
     if (groups.size() < 2) {
       StoreIndirect(FitIndirect(lobe, moments, settings_.drop), column, &result->slots[slot]);

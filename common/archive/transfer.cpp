@@ -76,32 +76,40 @@ class CornerGroups {
     several_ = several_ || (count_ > 0 && corner_[count_ - 1] == corner);
     corner_[count_] = corner;
     lobe_[count_++] = lobe;
-    total_.alpha += lobe.alpha;
-    total_.strength += lobe.strength;
-    total_.mu += lobe.strength * lobe.mu;
-    total_.kappa += lobe.strength * lobe.kappa;
+    AddTo(&total_, lobe);
   }
   /// Some corner has more than one lobe.
   bool several() const { return several_; }
   /// Sums over all lobes; mu and kappa times strength.
   const Lobe& total() const { return total_; }
 
-  /// Calls emit(lobe) for every group, the one with the strongest lobe first.
+  /// Calls emit(lobe) for every group, the one with the strongest lobe first. What is faint, or more than
+  /// kMaxGroups, comes as one broad lobe.
   template <class Emit>
   void ForEach(const Emit& emit) {
-    for (int group = 1; count_ > 0; ++group) emit(Take(group == kMaxGroups));
+    for (int group = 1; count_ > 0; ++group) {
+      const int strongest = Strongest();
+      if (group == kMaxGroups || lobe_[strongest].strength < kFaint * total_.strength) {
+        emit(TakeRest());
+      } else {
+        emit(TakeLike(strongest));
+      }
+    }
   }
 
  private:
   static constexpr int kMaxCorners = 9;
 
-  /// Takes out the strongest lobe, and of each other corner the nearest that is not far from it; or all that
-  /// are left.
-  Lobe Take(bool all) {
+  int Strongest() const {
     int strongest = 0;
     for (int i = 1; i < count_; ++i)
       if (lobe_[i].strength > lobe_[strongest].strength) strongest = i;
-    const Lobe seed = lobe_[strongest];
+    return strongest;
+  }
+
+  /// Takes out a lobe, and of each other corner the nearest that is not far from it.
+  Lobe TakeLike(int seed_index) {
+    const Lobe seed = lobe_[seed_index];
     std::array<int, kMaxCorners> nearest;
     std::array<float, kMaxCorners> distance;
     nearest.fill(-1);
@@ -111,27 +119,42 @@ class CornerGroups {
       const float scaled = glm::dot(d, d) * std::min(lobe_[i].kappa, seed.kappa);
       if (scaled <= distance[corner_[i]]) distance[corner_[i]] = scaled, nearest[corner_[i]] = i;
     }
-    nearest[corner_[strongest]] = strongest;
+    nearest[corner_[seed_index]] = seed_index;
     Lobe sum{glm::vec3(0), 0, glm::vec3(0), 0};
     int left = 0;
     for (int i = 0; i < count_; ++i) {
-      const Lobe l = lobe_[i];
-      if (all || nearest[corner_[i]] == i) {
-        sum.alpha += l.alpha;
-        sum.strength += l.strength;
-        sum.mu += l.strength * l.mu;
-        sum.kappa += l.strength * l.kappa;
+      if (nearest[corner_[i]] == i) {
+        AddTo(&sum, lobe_[i]);
       } else {
         corner_[left] = corner_[i];
-        lobe_[left++] = l;
+        lobe_[left++] = lobe_[i];
       }
     }
     count_ = left;
     return {sum.alpha, sum.strength, NormalizeOr(sum.mu, seed.mu), sum.kappa / sum.strength};
   }
 
+  /// Takes all that are left as the lobe with their moments: they need not be alike.
+  Lobe TakeRest() {
+    Lobe sum{glm::vec3(0), 0, glm::vec3(0), 0};
+    for (int i = 0; i < count_; ++i) AddTo(&sum, lobe_[i]);
+    const float cosine = glm::length(sum.mu) / sum.strength;
+    const float delta = 1 - cosine * (1 - DeltaFromKappa(sum.kappa / sum.strength));
+    count_ = 0;
+    return {sum.alpha, sum.strength, NormalizeOr(sum.mu, lobe_[0].mu),
+            KappaFromDelta(std::clamp(delta, 0.0f, 1.0f))};
+  }
+
+  static void AddTo(Lobe* sum, const Lobe& lobe) {
+    sum->alpha += lobe.alpha;
+    sum->strength += lobe.strength;
+    sum->mu += lobe.strength * lobe.mu;
+    sum->kappa += lobe.strength * lobe.kappa;
+  }
+
   /// Apart if the angle exceeds 2 / sqrt(kappa) of the broader lobe.
   static constexpr float kFar = 4;
+  static constexpr float kFaint = 0.04f;  ///< of all corners' light
 
   std::array<Lobe, kMaxCorners * kMaxSliceLobes> lobe_;
   std::array<int, kMaxCorners * kMaxSliceLobes> corner_;

@@ -29,9 +29,9 @@ struct BakeSettings {
   /// kShared: indirect light is read out as up to this many lobes for each of a slice's BRDF,
   /// 1 .. kMaxSliceLobes ...
   int slice_lobes = kMaxSliceLobes;
-  /// ... and no more once joining two of them loses less than this: L2 distance relative to the two's norm,
-  /// times the root of their part of the BRDF lobe's light
-  float lobe_tolerance = 0.07f;
+  /// ... and no more once joining two of them loses less than this: the part of their common spread that lies
+  /// between them, times the root of their part of the BRDF lobe's light
+  float lobe_tolerance = 0.15f;
   uint64_t seed = 1;
   BrdfFitOptions fit;
 

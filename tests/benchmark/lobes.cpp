@@ -44,10 +44,12 @@ struct Lobe {
 /// A slice's samples: as lobes, and as the list that is grouped.
 struct Samples {
   std::vector<Lobe> lobes;
+  LightGroup total;
   std::array<std::vector<float>, LightList::kChannels> channels;
 
   void Add(const glm::vec3& light, const glm::vec3& moment, const Vmf& vmf) {
     lobes.push_back({light, vmf});
+    total += {Luminance(light), glm::dvec3(moment), glm::dvec3(light)};
     const float values[LightList::kChannels] = {Luminance(light), moment.x, moment.y, moment.z,
                                                 light.x,          light.y,  light.z};
     for (int c = 0; c < LightList::kChannels; ++c) channels[c].push_back(values[c]);
@@ -179,10 +181,10 @@ class LobeBenchmark {
       result->light[i / kTurns] += truth[i] / kTurns;
       result->light2[i / kTurns] += truth[i] * truth[i] / kTurns;
     }
-    const LightGroups all = GroupLight(SelectGatherKernels(), samples->List());
+    const LightGroups all = GroupLight(SelectGatherKernels(), samples->List(), samples->total);
     for (int n = 1; n <= kSchemes; ++n) {
       LightGroups groups = all;
-      JoinLikeGroups(lobe, std::min(n, kMaxSliceLobes), n < kSchemes ? 0 : settings_.lobe_tolerance, &groups);
+      JoinLikeGroups(std::min(n, kMaxSliceLobes), n < kSchemes ? 0 : settings_.lobe_tolerance, &groups);
       std::vector<Lobe> lobes;
       for (const LightGroup& g : groups)
         lobes.push_back({glm::vec3(g.colour), LobeOf(g.moment, g.strength, lobe)});

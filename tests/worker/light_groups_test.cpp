@@ -65,17 +65,17 @@ void ExpectSame(const LightGroup& a, const LightGroup& b) {
 
 LightGroups Group(Samples* samples) {
   const LightList list = samples->List();
-  const LightGroups groups = GroupLight(kGatherKernelsBase, list);
+  const LightGroups groups = GroupLight(kGatherKernelsBase, list, samples->total());
   ExpectSame(Sum(groups), samples->total());
-  const LightGroups again = GroupLight(SelectGatherKernels(), list);
+  const LightGroups again = GroupLight(SelectGatherKernels(), list, samples->total());
   EXPECT_EQ(groups.size(), again.size());
   for (const LightGroup& g : groups) EXPECT_GT(g.strength, 0);
   return groups;
 }
 
-LightGroups Join(LightGroups groups, int most, double tolerance, float kappa = 50) {
+LightGroups Join(LightGroups groups, int most, double tolerance) {
   const LightGroup before = Sum(groups);
-  JoinLikeGroups({.mu = {0, 0, 1}, .kappa = kappa}, most, tolerance, &groups);
+  JoinLikeGroups(most, tolerance, &groups);
   ExpectSame(Sum(groups), before);
   EXPECT_LE(groups.size(), most);
   return groups;
