@@ -13,9 +13,9 @@
 namespace glint {
 namespace {
 
-constexpr double kNarrow = 0.5;      ///< of the width that the unoccluded lobe has
-constexpr int kRounds = 3;           ///< of k-means
-constexpr int kPowerIterations = 6;  ///< the axes only start it
+constexpr double kNarrow = 1;        ///< of the width that the unoccluded lobe has
+constexpr int kRounds = 2;           ///< of k-means; a third changes next to nothing
+constexpr int kPowerIterations = 4;  ///< the axes only start it
 constexpr float kLine = 0.5f;        ///< a spread whose second axis is shorter by this much is a line
 
 /// Symmetric 3 x 3 matrix: xx, xy, xz, yy, yz, zz.
@@ -106,14 +106,21 @@ bool CanBeSplit(const IndirectMoments& moments, const SliceLobe& lobe, double to
   return delta * lobe.resolved_kappa() > kNarrow;
 }
 
-LightGroups GroupLight(const GatherKernels& kernels, const LightList& list, const LightGroup& total) {
+LightGroups GroupLight(const GatherKernels& kernels, const LightList& list, const LightGroup& total,
+                       double least_between) {
   LightGroups groups;
   if (!(total.strength > 0)) return groups;
   const glm::vec3 mean(total.moment / total.strength);
   Spread spread;
   kernels.spread(list, &mean.x, spread.c);
+  const auto axes = PrincipalAxes(spread, static_cast<float>(total.strength));
+  // Two halves lie at most the longest axis apart on either side, and 1 - cos is half the angle squared.
+  if (0.5 * glm::dot(axes[0], axes[0]) < least_between * (1 - double{glm::length(mean)})) {
+    groups.Add(total);
+    return groups;
+  }
   float centres[kMaxLightGroups][3];
-  PlaceCentres(mean, PrincipalAxes(spread, static_cast<float>(total.strength)), centres);
+  PlaceCentres(mean, axes, centres);
   LightSums sums[kMaxLightGroups];
   for (int round = 0; round < kRounds; ++round) {
     const bool last = round == kRounds - 1;

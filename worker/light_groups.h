@@ -44,8 +44,11 @@ bool CanBeSplit(const IndirectMoments& moments, const SliceLobe& lobe, double to
 /// Groups samples by the direction of their light: weighted k-means (Lloyd) on mean direction vectors,
 /// started from the principal axes of their spread, so that it depends on nothing but the list. What has no
 /// strength counts nowhere; samples that are all alike come as one group.
-/// @param total  sum of the list
-LightGroups GroupLight(const GatherKernels& kernels, const LightList& list, const LightGroup& total);
+/// @param total          sum of the list
+/// @param least_between  one group, too, where no two could have more than this part of the spread between
+///                       them
+LightGroups GroupLight(const GatherKernels& kernels, const LightList& list, const LightGroup& total,
+                       double least_between);
 
 /// Joins groups, each time the two that are least missed, while there are more than `most` of them or what is
 /// lost is below the tolerance: the part of the two's common spread (1 - ||r||) that lies between them, times

@@ -152,12 +152,14 @@ class SharedGatherer : public Gatherer {
         StoreDirect(FitDirect(lobe, moments, settings_.drop), static_cast<uint16_t>(column),
                     &result->slots[k]);
       } else {
+        if (all < 0) {
+          all = SumDirect(side, cone, weight, scratch).all;
+          SelectActive(side, cone, scratch);  // again: there is one list of tiles
+        }
         IndirectSums sums;
         kernels_.indirect_lobe(side.arrays, scratch->tiles.data(), active, weight, &sums);
-        if (all < 0) all = SumDirect(side, cone, weight, scratch).all;
         const auto list = [&](LightList* out) {
-          kernels_.list_lobe(side.arrays, scratch->tiles.data(), SelectActive(side, cone, scratch), weight,
-                             out);
+          kernels_.list_lobe(side.arrays, scratch->tiles.data(), active, weight, out);
         };
         StoreIndirectSlice(lobe, sums, all, static_cast<uint16_t>(column), static_cast<uint32_t>(k), side,
                            list, scratch, result);
@@ -178,7 +180,8 @@ class SharedGatherer : public Gatherer {
       LightList light = scratch->List(side.samples->samples());
       list(&light);
       LightGroup total{Luminance(glm::vec3(moments.alpha)), moments.moment, moments.alpha};
-      groups = GroupLight(kernels_, light, total *= all);
+      const double least_between = settings_.lobe_tolerance / std::sqrt(total.strength);
+      groups = GroupLight(kernels_, light, total *= all, least_between);
       for (LightGroup& group : groups) group *= 1.0 / all;
       JoinLikeGroups(static_cast<int>(layout_.slice_lobes), settings_.lobe_tolerance, &groups);
     }

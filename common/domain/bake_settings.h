@@ -31,7 +31,7 @@ struct BakeSettings {
   int slice_lobes = kMaxSliceLobes;
   /// ... and no more once joining two of them loses less than this: the part of their common spread that lies
   /// between them, times the root of their part of the BRDF lobe's light
-  float lobe_tolerance = 0.15f;
+  float lobe_tolerance = 0.1f;
   uint64_t seed = 1;
   BrdfFitOptions fit;
 

@@ -181,7 +181,7 @@ class LobeBenchmark {
       result->light[i / kTurns] += truth[i] / kTurns;
       result->light2[i / kTurns] += truth[i] * truth[i] / kTurns;
     }
-    const LightGroups all = GroupLight(SelectGatherKernels(), samples->List(), samples->total);
+    const LightGroups all = GroupLight(SelectGatherKernels(), samples->List(), samples->total, 0);
     for (int n = 1; n <= kSchemes; ++n) {
       LightGroups groups = all;
       JoinLikeGroups(std::min(n, kMaxSliceLobes), n < kSchemes ? 0 : settings_.lobe_tolerance, &groups);

@@ -65,9 +65,9 @@ void ExpectSame(const LightGroup& a, const LightGroup& b) {
 
 LightGroups Group(Samples* samples) {
   const LightList list = samples->List();
-  const LightGroups groups = GroupLight(kGatherKernelsBase, list, samples->total());
+  const LightGroups groups = GroupLight(kGatherKernelsBase, list, samples->total(), 0);
   ExpectSame(Sum(groups), samples->total());
-  const LightGroups again = GroupLight(SelectGatherKernels(), list, samples->total());
+  const LightGroups again = GroupLight(SelectGatherKernels(), list, samples->total(), 0);
   EXPECT_EQ(groups.size(), again.size());
   for (const LightGroup& g : groups) EXPECT_GT(g.strength, 0);
   return groups;
