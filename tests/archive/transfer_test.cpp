@@ -12,6 +12,7 @@
 
 #include "common/archive/lobe_codec.h"
 #include "common/base/rng.h"
+#include "common/domain/bake_settings.h"
 
 namespace glint {
 namespace {
@@ -93,7 +94,8 @@ class TransferTest : public testing::Test {
   }
   LayerViews Build(int layer) {
     LayerViews views;
-    for (uint32_t lobe = 0; lobe < (layer == 0 ? 1 : kMaxSliceLobes); ++lobe)
+    const uint32_t lobes = layer == 0 ? 1 : kMaxSliceLobes;
+    for (uint32_t lobe = 0; lobe < lobes; ++lobe)
       for (const auto& [first, columns] : {Cell{0, grid_.size()}, Cell{kDiffuse, 2}})
         views.Add(
             lobe, first == kDiffuse,
