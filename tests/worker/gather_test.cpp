@@ -238,8 +238,13 @@ TEST(SharedGather, TwoFacingColouredLightsAreTwoLobes) {
       for (uint32_t i = 0; i < views.lobes(); ++i) {
         const IndirectLobe lobe = read(views.table(i, 0), v, column);
         alpha += lobe.alpha;
-        if (lobe.mu.x > 0.2f) red += lobe.alpha.x, EXPECT_LT(lobe.alpha.z, 0.05f * lobe.alpha.x);
-        if (lobe.mu.x < -0.2f) blue += lobe.alpha.z, EXPECT_LT(lobe.alpha.x, 0.05f * lobe.alpha.z);
+        if (lobe.mu.x > 0.2f) {
+          red += lobe.alpha.x;
+          EXPECT_LT(lobe.alpha.z, 0.05f * lobe.alpha.x);
+        } else if (lobe.mu.x < -0.2f) {
+          blue += lobe.alpha.z;
+          EXPECT_LT(lobe.alpha.x, 0.05f * lobe.alpha.z);
+        }
       }
       EXPECT_GT(red, 0.95f * alpha.x);
       EXPECT_GT(blue, 0.95f * alpha.z);
