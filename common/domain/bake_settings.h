@@ -7,6 +7,8 @@
 
 namespace glint {
 
+inline constexpr int kMaxSliceLobes = 4;  ///< stored for one lobe of a slice's BRDF
+
 enum class GatherMethod : uint8_t {
   kShared = 0,  ///< one shared set of hemisphere rays per bake vertex, reused by all directions and layers
   kPaper = 1,   ///< laurijssen2011: rays drawn from each slice's lobe, in every layer again
@@ -24,8 +26,20 @@ struct BakeSettings {
   int paper_rays = 144;  ///< kPaper: rays per lobe, slice and layer
   float drop =
       1.0f / 1024;  ///< relative change of a slice below which it counts as free (layer 0) or nothing
+  /// kShared: indirect light is read out as up to this many lobes for each of a slice's BRDF,
+  /// 1 .. kMaxSliceLobes ...
+  int slice_lobes = kMaxSliceLobes;
+  /// ... and no more once joining two of them loses less than this: the part of their common spread that lies
+  /// between them, times the root of their part of the BRDF lobe's light
+  float lobe_tolerance = 0.1f;
   uint64_t seed = 1;
   BrdfFitOptions fit;
+
+  /// Lobes that a slice of a layer can have. Direct light keeps to one: what a blocker's edge leaves of a
+  /// lobe is no better seen as several (docs/mathematics.md).
+  uint32_t StoredLobes(int layer) const {
+    return layer == 0 || method == GatherMethod::kPaper ? 1 : static_cast<uint32_t>(slice_lobes);
+  }
 };
 
 /// Feeds every field of the settings.

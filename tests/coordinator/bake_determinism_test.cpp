@@ -197,10 +197,11 @@ TEST(MergeLayerTest, OrderOfTasksDoesNotShow) {
     for (const TaskSpec& task : order)
       ASSERT_TRUE((*executor)->Run({{&task, 1}, nullptr}, [&](size_t, bool there) { done += !there; }).ok());
     EXPECT_EQ(done, tasks.size());
-    const Result<Layer> layer = MergeLayer(*store, tasks, domain, grid, TableForm::kCompact, 2);
+    const Result<Layer> layer =
+        MergeLayer(*store, tasks, domain, grid, settings.StoredLobes(0), TableForm::kCompact, 2);
     ASSERT_TRUE(layer.ok()) << layer.status().message();
     digests.push_back(layer->digest);
-    EXPECT_GT(layer->stored, 0u);
+    EXPECT_GT(layer->stored[0], 0u);
   }
   EXPECT_EQ(digests[0], digests[1]);
   EXPECT_EQ(digests[0], digests[2]);
