@@ -155,6 +155,7 @@ Status Publish(const fs::path& out_path, const Scene& scene, const BakeDomain& d
   content.domain = &domain;
   content.cameras = scene.cameras;
   content.grid_level = options.settings.grid_level;
+  content.base_level = options.settings.BaseLevel();
   content.slice_lobes = static_cast<int>(options.settings.StoredLobes(1));
   content.archive_key = report->archive_key;
   for (const Layer& layer : layers) {
@@ -201,7 +202,7 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
 
   progress.Stage("fit");
   const BakeDomain domain = BuildBakeDomain(scene, options.settings.fit, threads);
-  const DirectionGrid grid(options.settings.grid_level);
+  const DirectionGrid grid(options.settings.grid_level, options.settings.BaseLevel());
   report.vertices = domain.vertex_count();
   report.triangles = domain.triangles.size();
   report.directions = grid.size();

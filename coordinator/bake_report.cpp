@@ -34,7 +34,9 @@ Json DescribeSettings(const BakeOptions& options) {
   Json json = {{"gather", s.method == GatherMethod::kShared ? "shared" : "paper"},
                {"grid_level", s.grid_level}};
   if (s.method == GatherMethod::kShared) {
-    json.update({{"rays_per_kappa", s.rays_per_kappa},
+    json.update({{"angular_tolerance", s.angular_tolerance},
+                 {"base_level", s.BaseLevel()},
+                 {"rays_per_kappa", s.rays_per_kappa},
                  {"min_rays", s.min_rays},
                  {"max_rays", s.max_rays},
                  {"split_levels", s.split_levels},

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/archive/lobe_codec.h"
+#include "common/archive/nested.h"
 #include "common/base/frame.h"
 #include "common/base/parallel.h"
 
@@ -70,31 +71,55 @@ struct VertexEnergy {
   double layer = 0, unoccluded = 0;
 };
 
+/// Part of the BRDF's light that a vertex's slices of one slot have, for each column.
 /// @param layer_index  0: a missing entry is the whole BRDF; else nothing
+std::vector<float> SliceParts(const LayerViews& views, uint32_t slot, int layer_index, uint32_t v) {
+  std::vector<float> parts(views.table(0, slot).columns(), layer_index == 0 ? 1.0f : 0.0f);
+  for (uint32_t lobe = 0; lobe < views.lobes(); ++lobe)
+    views.table(lobe, slot).Row(v).ForEach([&](uint32_t column, const std::byte* entry) {
+      if (lobe == 0) parts[column] = 0;
+      parts[column] +=
+          layer_index == 0 ? DecodeDirect(entry).fraction : Luminance(DecodeIndirect(entry).alpha);
+    });
+  return parts;
+}
+
+/// Fills in the parts of slices that a nested table leaves out.
+void Predict(const BakeDomain& domain, const DirectionGrid& grid, const SliceTableView& table, uint32_t v,
+             std::vector<float>* parts) {
+  const SliceTableView::RowView row = table.Row(v);
+  if (row.empty()) return;
+  for (const float side : {1.0f, -1.0f})
+    ForEachPredicted(
+        grid, [&](uint32_t d) { return side * glm::dot(domain.normals[v], grid.direction(d)) > 0; },
+        [&](uint32_t d) { return row.Find(d) != nullptr; },
+        [&](uint32_t d, const std::array<uint32_t, 2>& ends, const std::array<float, 2>& share) {
+          (*parts)[d] = share[0] * (*parts)[ends[0]] + share[1] * (*parts)[ends[1]];
+        });
+}
+
 VertexEnergy MeasureVertex(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views,
                            int layer_index, uint32_t v) {
   VertexEnergy energy;
   const Brdf brdf = domain.VertexBrdf(v);
-  auto part = [&](const std::byte* entry) {
-    return double{layer_index == 0 ? DecodeDirect(entry).fraction : Luminance(DecodeIndirect(entry).alpha)};
-  };
-  auto add = [&](uint32_t slot, uint32_t column, double weight) {
-    const std::byte* entry = views.table(0, slot).Find(v, column);
+  auto add = [&](double part, double weight) {
     energy.unoccluded += weight;
-    if (!entry) energy.layer += layer_index == 0 ? weight : 0;
-    for (uint32_t lobe = 1; entry; ++lobe) {
-      energy.layer += weight * part(entry);
-      entry = lobe < views.lobes() ? views.table(lobe, slot).Find(v, column) : nullptr;
-    }
+    energy.layer += weight * part;
   };
+  std::vector<std::vector<float>> parts;
+  for (uint32_t slot = 0; slot <= views.diffuse_slot(); ++slot) {
+    parts.push_back(SliceParts(views, slot, layer_index, v));
+    if (views.nested && slot < views.diffuse_slot())
+      Predict(domain, grid, views.specular[slot], v, &parts[slot]);
+  }
   for (uint32_t column = 0; column < grid.size(); ++column) {
     const float cosine = glm::dot(domain.normals[v], grid.direction(column));
     if (cosine <= 0 && !domain.double_sided[v]) continue;
     const BrdfSlice slice = LookupSlice(domain.shapes[domain.shape[v]], std::abs(cosine));
     for (int k = 0; k < slice.lobes; ++k)
-      add(static_cast<uint32_t>(k), column, Luminance(slice.lobe[k].Weight(domain.specular[v])));
+      add(parts[k][column], Luminance(slice.lobe[k].Weight(domain.specular[v])));
     const float diffuse = Luminance(DiffuseAlbedo(brdf, std::abs(cosine)));
-    if (diffuse > 0) add(views.diffuse_slot(), cosine > 0 ? 0 : 1, diffuse);
+    if (diffuse > 0) add(parts.back()[cosine > 0 ? 0 : 1], diffuse);
   }
   return energy;
 }
@@ -142,6 +167,7 @@ Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, con
     builders.emplace_back(domain.vertex_count(), layout.is_diffuse(slot) ? 2 : grid.size(), entry_bytes);
 
   Layer layer;
+  layer.views.nested = grid.nested();
   Status damage;
   for (size_t first = 0; first < tasks.size();) {
     std::vector<BlockResult> blocks;
@@ -164,7 +190,11 @@ Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, con
   GLINT_RETURN_IF_ERROR(damage);
 
   layer.slots.resize(slots);
-  ParallelFor(slots, threads, 1, [&](size_t slot, int) { layer.slots[slot] = builders[slot].Finish(form); });
+  const TableForm nested = form == TableForm::kCompact ? TableForm::kSegmented : form;
+  ParallelFor(slots, threads, 1, [&](size_t slot, int) {
+    const bool specular = !layout.is_diffuse(static_cast<uint32_t>(slot));
+    layer.slots[slot] = builders[slot].Finish(grid.nested() && specular ? nested : form);
+  });
   Hasher hasher;
   for (uint32_t slot = 0; slot < slots; ++slot) {
     GLINT_ASSIGN_OR_RETURN(SliceTableView view, SliceTableView::Parse(layer.slots[slot]));

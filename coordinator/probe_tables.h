@@ -6,6 +6,7 @@
 
 #include "common/archive/archive.h"
 #include "common/archive/chunk.h"
+#include "common/domain/direction_grid.h"
 #include "worker/path_fan.h"
 
 namespace glint {
@@ -16,12 +17,16 @@ class ProbeTables {
  public:
   /// @param drop  the bake's (BakeSettings)
   ProbeTables(int layers, int max_lobes, uint32_t columns, float drop);
+  /// Nested tables, with a column for each direction of the grid.
+  ProbeTables(int layers, int max_lobes, const DirectionGrid& nested, float drop);
 
   void BeginRow();
   /// Adds one slot of one slice of the current row; columns come in order.
   /// @param slot      PathFanTracer::kDiffuse for the diffuse table
   /// @param indirect  moments of each layer; layer 0's come from the fan itself
-  void Add(int slot, uint16_t column, const PathFan& fan, std::span<const IndirectMoments> indirect);
+  /// @param wanted    of each layer: whether its table gets the slice
+  void Add(int slot, uint16_t column, const PathFan& fan, std::span<const IndirectMoments> indirect,
+           std::span<const uint8_t> wanted);
 
   /// A layer's tables, serialised, and views into them.
   struct LayerTables {
@@ -32,6 +37,8 @@ class ProbeTables {
 
  private:
   uint32_t columns_;
+  uint32_t never_absent_;  ///< from this column on, slices that are free or dark are said to be so
+  bool nested_ = false;
   float drop_;
   std::vector<BlockResult> blocks_;  ///< of layers
 };

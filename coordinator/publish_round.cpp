@@ -42,6 +42,7 @@ Status WriteInput(const ExecutorInput& bake, const RoundManifest& manifest, cons
   ArchiveContent content;
   content.domain = &bake.domain;
   content.grid_level = bake.grid.level();
+  content.base_level = bake.grid.base_level();
   content.archive_key = manifest.InputKey();
   if (manifest.layer > 1) {
     empty = EmptyDirectLayer(bake);

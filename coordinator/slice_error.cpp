@@ -4,8 +4,12 @@
 #include <cmath>
 #include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
+#include <map>
+#include <utility>
 
+#include "common/archive/blend.h"
 #include "common/archive/lobe_codec.h"
+#include "common/archive/nested.h"
 #include "common/base/frame.h"
 #include "common/base/rng.h"
 #include "common/domain/scatter_point.h"
@@ -25,11 +29,6 @@ constexpr int kArchive = StageOf(ErrorCause::kRays);
 glm::vec2 SampleTriangle(float u, float v) {
   const float root = std::sqrt(u);
   return {root * (1 - v), root * v};
-}
-
-glm::vec3 UnitOr(const glm::vec3& v, const glm::vec3& fallback) {
-  const float length = glm::length(v);
-  return length > 1e-10f ? v / length : fallback;
 }
 
 SkyLight Sum(const std::vector<SkyLight>& layers) {
@@ -128,6 +127,7 @@ SliceTester::SliceTester(const BakeDomain& domain, const RayScene& rays, const D
       layers_(layers),
       seed_(seed),
       drop_(drop),
+      every_layer_(layers.size(), 1),
       reader_(domain, grid),
       tracer_(domain, rays, static_cast<int>(layers.size()) - 1) {
   double sum = 0;
@@ -237,7 +237,7 @@ void SliceTester::AskOwn(const TestSlice& slice, int half, bool causes, Answers*
     AddPaths(fan, weight, slice, &light[kTruth]);
     if (!causes) return;
     AddReadOut(fan, lobe, slice, &light[StageOf(ErrorCause::kLobes)]);
-    tables.Add(slot, column, fan, MomentsFromPaths(fan, layers()));
+    tables.Add(slot, column, fan, MomentsFromPaths(fan, layers()), every_layer_);
   };
   const BrdfSlice fitted = tracer_.sampler(own.shape).Fitted(point.cos_o);
   for (int k = 0; k < fitted.lobes; ++k) {
@@ -255,48 +255,102 @@ void SliceTester::AskOwn(const TestSlice& slice, int half, bool causes, Answers*
   Read(tables, read, slice, &light[StageOf(ErrorCause::kBits)]);
 }
 
-/// A point's slices of some directions, and its diffuse one.
+/// A point's slices of the directions around a slice's, and its diffuse one.
 struct SliceTester::Row {
   SlicePoint point;
   bool diffuse = false;
-  std::array<glm::vec3, 3> directions;
-  std::array<float, 3> weight;  ///< no slice is needed, nor there, where it is 0
-  uint32_t id = 0;              ///< 1 .. 4
+  DirectionGrid::Location around;  ///< no slice is needed, nor there, where a weight is 0
+  uint32_t vertex = 0;             ///< in nested tables: whose directions stand in for those
+  uint32_t id = 0;                 ///< 1 .. 4
 };
 
-/// At the very point, for the grid's directions around.
+/// One slot of one of a row's slices.
+struct SliceTester::RowSlice {
+  int slot;
+  uint16_t column;  ///< of the tables
+  glm::vec3 wo;
+  std::vector<uint8_t> layers;  ///< those that need it
+  uint32_t id;                  ///< of its paths
+};
+
+/// What the archive's tables would hold of a row, so that the slice is read from it as from them: by slot,
+/// then column.
+std::vector<SliceTester::RowSlice> SliceTester::SlicesOf(const Row& row) const {
+  std::vector<RowSlice> slices;
+  const int lobes = tracer_.sampler(row.point.shape).lobes();
+  if (!grid_.nested()) {
+    for (int k = 0; k < lobes; ++k)
+      for (uint16_t j = 0; j < 3; ++j)
+        if (row.around.weight[j] > 0)
+          slices.push_back({k, j, grid_.direction(row.around.index[j]), every_layer_,
+                            static_cast<uint32_t>(j) << 4 | static_cast<uint32_t>(k)});
+    return slices;
+  }
+  std::map<std::pair<int, uint16_t>, std::vector<uint8_t>> needed;
+  const auto above = [&](uint32_t d) { return glm::dot(row.point.side.normal, grid_.direction(d)) > 0; };
+  for (int layer = 0; layer < layers(); ++layer)
+    for (int k = 0; k < lobes; ++k) {
+      const SliceTableView::RowView stored = layers_[layer].specular[k].Row(row.vertex);
+      VisitStandIns(
+          grid_, grid_.level(), row.around.triangle, row.around.weight, above,
+          [&](uint32_t d) { return stored.empty() ? nullptr : stored.Find(d); },
+          [&](uint32_t d, float, const std::byte*) {
+            std::vector<uint8_t>& by = needed[{k, static_cast<uint16_t>(d)}];
+            by.resize(every_layer_.size(), 0);
+            by[layer] = 1;
+          });
+    }
+  for (auto& [place, by] : needed) {
+    const uint32_t id = static_cast<uint32_t>(slices.size()) & 0xFFu;
+    slices.push_back({place.first, place.second, grid_.direction(place.second), std::move(by), id});
+  }
+  return slices;
+}
+
+ProbeTables SliceTester::TablesAround() const {
+  if (grid_.nested()) return {layers(), domain_.max_lobes(), grid_, drop_};
+  return {layers(), domain_.max_lobes(), 3, drop_};
+}
+
+/// At the very point, for the grid's directions around; in nested tables, for those that the nearest vertex
+/// has.
 void SliceTester::AskDirections(const TestSlice& slice, int half, Answers* answers) const {
-  const DirectionGrid::Location location = grid_.Locate(slice.point.wo);
-  Row row{PointOf(slice.point), slice.point.diffuse_albedo != glm::vec3(0), {}, {}, 1};
+  const auto& share = slice.point.vertex_weight;
+  const auto nearest = std::max_element(share.begin(), share.end()) - share.begin();
+  Row row{PointOf(slice.point), slice.point.diffuse_albedo != glm::vec3(0), grid_.Locate(slice.point.wo),
+          slice.point.vertex[nearest], 1};
   float total = 0;
   for (int j = 0; j < 3; ++j) {
-    row.directions[j] = grid_.direction(location.index[j]);
-    const bool above = glm::dot(row.point.side.normal, row.directions[j]) > 0;
-    row.weight[j] = above ? location.weight[j] : 0.0f;
-    total += row.weight[j];
+    const glm::vec3& wo = grid_.direction(row.around.index[j]);
+    if (glm::dot(row.point.side.normal, wo) <= 0) row.around.weight[j] = 0;
+    total += row.around.weight[j];
   }
   TransferPoint read = slice.point;
   read.vertex = {0, 0, 0};
   read.column = {0, 1, 2};
+  read.grid_triangle = row.around.triangle;
   read.vertex_weight = {1, 0, 0};
+  read.vertex_normal[0] = row.point.side.normal;
+  read.whole = {};
   read.corner_weight = {};
-  for (int j = 0; j < 3 && total > 0; ++j) read.corner_weight[j] = row.weight[j] / total;
-  ProbeTables tables(layers(), domain_.max_lobes(), 3, drop_);
+  for (int j = 0; j < 3 && total > 0; ++j) read.corner_weight[j] = row.around.weight[j] / total;
+  ProbeTables tables = TablesAround();
   GatherRow(slice, row, half, &tables, nullptr);
   Read(tables, read, slice, &answers->light[half][StageOf(ErrorCause::kAngular)]);
 }
 
 /// At the vertices around, for the grid's directions around: from paths, and from the archive's layers below.
 void SliceTester::AskVertices(const TestSlice& slice, int half, Answers* answers) const {
-  ProbeTables paths(layers(), domain_.max_lobes(), 3, drop_), below = paths;
+  ProbeTables paths = TablesAround(), below = paths;
   const TransferPoint& point = slice.point;
   for (uint32_t i = 0; i < 3; ++i) {
     const uint32_t v = point.vertex[i];
-    Row row{tracer_.AtVertex(v, point.back), domain_.diffuse[v] != glm::vec3(0), {}, {}, 2 + i};
-    for (int j = 0; j < 3; ++j) {
-      row.directions[j] = grid_.direction(point.column[j]);
-      row.weight[j] = point.corner_weight[3 * i + j];
-    }
+    const float* weight = &point.corner_weight[3 * i];
+    const Row row{tracer_.AtVertex(v, point.back),
+                  domain_.diffuse[v] != glm::vec3(0),
+                  {point.column, {weight[0], weight[1], weight[2]}, point.grid_triangle},
+                  v,
+                  2 + i};
     GatherRow(slice, row, half, &paths, &below);
   }
   TransferPoint read = point;
@@ -318,19 +372,17 @@ void SliceTester::AskArchive(const TestSlice& slice, int half, Answers* answers)
 void SliceTester::GatherRow(const TestSlice& slice, const Row& row, int half, ProbeTables* paths,
                             ProbeTables* below) const {
   PathFan fan;
-  auto add = [&](int slot, uint16_t column, const glm::vec3& wo, uint32_t id) {
-    tracer_.Trace(row.point, wo, slot, kPathsPerFan, SeedOf(seed_, slice, half, row.id << 8 | id), &fan);
-    paths->Add(slot, column, fan, MomentsFromPaths(fan, layers()));
-    if (below != nullptr) below->Add(slot, column, fan, MomentsFromBelow(fan));
+  auto add = [&](const RowSlice& part) {
+    tracer_.Trace(row.point, part.wo, part.slot, kPathsPerFan,
+                  SeedOf(seed_, slice, half, row.id << 8 | part.id), &fan);
+    paths->Add(part.slot, part.column, fan, MomentsFromPaths(fan, layers()), part.layers);
+    if (below != nullptr) below->Add(part.slot, part.column, fan, MomentsFromBelow(fan), part.layers);
   };
   paths->BeginRow();
   if (below != nullptr) below->BeginRow();
-  for (uint16_t j = 0; j < 3; ++j) {
-    if (row.weight[j] <= 0) continue;
-    for (int k = 0; k < tracer_.sampler(row.point.shape).lobes(); ++k)
-      add(k, j, row.directions[j], static_cast<uint32_t>(j) << 4 | static_cast<uint32_t>(k));
-  }
-  if (row.diffuse) add(PathFanTracer::kDiffuse, SideColumn(slice), row.point.side.normal, 0xF0u);
+  for (const RowSlice& part : SlicesOf(row)) add(part);
+  if (row.diffuse)
+    add({PathFanTracer::kDiffuse, SideColumn(slice), row.point.side.normal, every_layer_, 0xF0u});
 }
 
 void SliceTester::Read(const ProbeTables& tables, const TransferPoint& point, const TestSlice& slice,

@@ -66,6 +66,9 @@ class SliceTester {
   void AskVertices(const TestSlice& slice, int half, Answers* answers) const;
   void AskArchive(const TestSlice& slice, int half, Answers* answers) const;
   struct Row;
+  struct RowSlice;
+  std::vector<RowSlice> SlicesOf(const Row& row) const;
+  ProbeTables TablesAround() const;
   void GatherRow(const TestSlice& slice, const Row& row, int half, ProbeTables* paths,
                  ProbeTables* below) const;
   std::vector<IndirectMoments> MomentsFromBelow(const PathFan& fan) const;
@@ -81,6 +84,7 @@ class SliceTester {
   const std::span<const LayerViews> layers_;
   const uint64_t seed_;
   const float drop_;
+  const std::vector<uint8_t> every_layer_;  ///< for each layer a 1
   const TransferReader reader_;
   const PathFanTracer tracer_;
   std::vector<double> area_up_to_;  ///< sum of the areas of triangles 0 .. i, twice where both sides reflect

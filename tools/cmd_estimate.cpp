@@ -31,7 +31,7 @@ Status RunEstimate(const EstimateWords& words, const CommonWords& common) {
   options.threads = common.threads;
   TakeSettings(ParseReport(archive.report_json()), &options);
   const RayScene rays(BareScene(archive.domain()));
-  const DirectionGrid grid(archive.grid_level());
+  const DirectionGrid grid = archive.MakeGrid();
   GLINT_ASSIGN_OR_RETURN(const ErrorEstimate estimate,
                          EstimateError(archive.domain(), rays, grid, archive.layers(), options));
   const auto json = nlohmann::ordered_json::parse(ToJson(estimate));

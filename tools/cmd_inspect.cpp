@@ -35,9 +35,11 @@ Json ReadReport(const std::string& path, const Archive& archive) {
   return {};
 }
 
+constexpr const char* kForms[] = {"classic", "compact", "segmented"};  ///< by TableForm
+
 Json DescribeTable(const SliceTableView& table, const std::string& name) {
   return {{"name", name},
-          {"form", table.form() == TableForm::kClassic ? "classic" : "compact"},
+          {"form", kForms[static_cast<size_t>(table.form())]},
           {"rows", table.rows()},
           {"columns", table.columns()},
           {"stored", table.entries()},
@@ -133,7 +135,7 @@ Json DescribeArchive(const std::string& path, const Archive& archive) {
           {"archive_key", archive.archive_key().Hex()},
           {"vertices", archive.domain().vertex_count()},
           {"triangles", archive.domain().triangles.size()},
-          {"directions", DirectionGrid(archive.grid_level()).size()},
+          {"directions", archive.MakeGrid().size()},
           {"cameras", cameras},
           {"layers", DescribeLayers(archive, bake)},
           {"shapes", DescribeShapes(archive.domain())},

@@ -41,7 +41,7 @@ struct BakeRunner::Surface {
   Surface(const Digest& bake_key, const BakeDomain& from, const BakeSettings& settings, uint64_t memory_bytes)
       : bake(bake_key),
         domain(from),
-        grid(settings.grid_level),
+        grid(settings.grid_level, settings.BaseLevel()),
         rays(domain.positions, domain.triangles),
         gatherer(MakeGatherer({domain, rays, grid}, settings, memory_bytes)) {}
 

@@ -33,8 +33,9 @@ struct HitLight {
 /// what TransferReader answers (interpolation over three vertices and three directions, Eq. 7), but only in
 /// moments: corners that are too far apart to be averaged are each kept, not grouped. Entries are decoded
 /// once into sixteen bytes that add up with two multiply-adds, all lobes of a (vertex, direction) side by
-/// side; look-ups run in batches whose stages prefetch what the next will read. Memory: 16 bytes a stored
-/// slice, and 8 bytes for each 48 directions of a vertex. Immutable; thread-safe.
+/// side, those that nested tables leave out as well; look-ups run in batches whose stages prefetch what the
+/// next will read. Memory: 16 bytes a stored slice, and 8 bytes for each 48 directions of a vertex.
+/// Immutable; thread-safe.
 class LayerLight {
  public:
   LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views, int layer,
@@ -57,6 +58,7 @@ class LayerLight {
     std::array<uint16_t, 4> linear;
     std::array<int16_t, 3> vector;
     uint16_t strength;
+    bool operator==(const Entry&) const = default;
   };
   struct alignas(32) Triangle {
     std::array<uint32_t, 3> vertex;
@@ -74,6 +76,11 @@ class LayerLight {
 
   void PackSurface();
   void PackRows(const LayerViews& views, int threads);
+  void UnpackRow(const LayerViews& views, uint32_t v, std::vector<Entry>* slices) const;
+  void PredictSlices(const SliceTableView::RowView& row, uint32_t slot, uint32_t v,
+                     std::vector<Entry>* slices) const;
+  static Entry Mean(const Entry& a, const Entry& b);
+  std::vector<Entry> PackRow(const std::vector<Entry>& slices) const;
   void PackDiffuse(const LayerViews& views);
   /// A slice as one entry, however many lobes it has.
   Entry Pack(const LayerViews& views, uint32_t slot, uint32_t v, uint32_t column) const;
@@ -100,8 +107,8 @@ class LayerLight {
   std::vector<Vertex> vertices_;
   std::vector<Entry> absent_;  ///< as many as lobes: what a direction without an entry stands for
   std::vector<uint64_t> empty_row_;
-  std::vector<Entry> rows_;     ///< all rows; their words take up entries, too
-  std::vector<Entry> diffuse_;  ///< [2 vertex + side]; empty if nothing is diffuse
+  std::vector<std::vector<Entry>> rows_;  ///< of vertices; their words take up entries, too
+  std::vector<Entry> diffuse_;            ///< [2 vertex + side]; empty if nothing is diffuse
 };
 
 }  // namespace glint

@@ -9,10 +9,12 @@
 #include <cmath>
 #include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
+#include <span>
 #include <utility>
 
 #include "common/lobes/slice_sampler.h"
 #include "common/lobes/vmf.h"
+#include "worker/angular_refinement.h"
 #include "worker/gather_kernel.h"
 #include "worker/hemisphere_samples.h"
 #include "worker/hit_set.h"
@@ -25,15 +27,26 @@ namespace glint {
 namespace {
 
 constexpr float kLog2E = 1.44269504f;
-constexpr float kCutoff = 6;     ///< a lobe ends where its exponent is -6: 2.5e-3 of its weight lies beyond
-constexpr float kDark = 0.125f;  ///< light below this part of what is dropped is none
+constexpr float kCutoff = 6;       ///< a lobe ends where its exponent is -6: 2.5e-3 of its weight lies beyond
+constexpr float kDark = 0.125f;    ///< light below this part of what is dropped is none
+constexpr float kWidthsApart = 2;  ///< directions at which all slices of a vertex are computed
 constexpr float kKappaPerSample = 0.6f;  ///< a lattice of n samples resolves lobes up to about 0.6 n
+
+/// Level of the directions between which a lobe of this kappa, turning with the mirror direction, misses
+/// nothing that it could show: their distance is at most twice its width 1 / sqrt(kappa).
+int LevelOfDetail(float kappa) {
+  constexpr float kIcosahedronEdge = 1.1071487f;
+  int level = 0;
+  for (float edge = kIcosahedronEdge; edge * std::sqrt(kappa) > kWidthsApart; edge /= 2) ++level;
+  return level;
+}
 
 /// Buffers of one thread.
 struct Scratch {
   HemisphereSamples samples[2];  ///< front, back
   std::vector<uint16_t> tiles;
   std::array<std::vector<float>, LightList::kChannels> channels;
+  std::unique_ptr<AngularRefinement> refinement;  ///< of nested grids
 
   /// An empty list with room for as many samples.
   LightList List(size_t room) {
@@ -79,6 +92,9 @@ class SharedGatherer : public Gatherer {
     BlockResult result;
     result.slots.resize(layout_.count());
     Scratch scratch;
+    if (input_.grid.nested())
+      scratch.refinement = std::make_unique<AngularRefinement>(input_.grid, layout_, light_ == nullptr,
+                                                               settings_.angular_tolerance);
     for (uint32_t v = block.first_vertex; v < block.first_vertex + block.vertices; ++v)
       GatherVertex(v, block, &scratch, &result);
     return result;
@@ -96,12 +112,33 @@ class SharedGatherer : public Gatherer {
       sides[s] = PrepareSide(v, s, scratch, owns_diffuse ? &result->counters : nullptr);
       if (owns_diffuse) GatherDiffuse(v, s, sides[s], scratch, result);
     }
+    if (scratch->refinement) {
+      RefineVertex(v, {sides, static_cast<size_t>(side_count)}, block, scratch, result);
+      return;
+    }
     for (uint32_t column = block.first_column; column < block.first_column + block.columns; ++column) {
       const glm::vec3& wo = input_.grid.direction(column);
       const int s = glm::dot(input_.domain.normals[v], wo) > 0 ? 0 : 1;
       if (s >= side_count || glm::dot(sides[s].frame.n, wo) <= 0) continue;
       GatherSlices(v, column, wo, sides[s], scratch, result);
     }
+  }
+
+  /// Every block of a vertex does all of this, and keeps what is its own.
+  void RefineVertex(uint32_t v, std::span<const Side> sides, const GatherBlock& block, Scratch* scratch,
+                    BlockResult* result) {
+    const SliceSampler& sampler = samplers_[input_.domain.shape[v]];
+    const float kappa = SharpestKappa(input_.domain.shapes[input_.domain.shape[v]]);
+    AngularRefinement& refinement = *scratch->refinement;
+    refinement.Begin();
+    for (const Side& side : sides) {
+      if (!side.samples->any_active()) continue;
+      refinement.Refine({side.frame.n, sampler.lobes(), LevelOfDetail(kappa), kappa,
+                         [&](uint32_t column, BlockResult* out) {
+                           GatherSlices(v, column, input_.grid.direction(column), side, scratch, out);
+                         }});
+    }
+    result->counters.slices += refinement.Store(block, result) * static_cast<uint64_t>(sampler.lobes());
   }
 
   Side PrepareSide(uint32_t v, int s, Scratch* scratch, GatherCounters* counters) {
@@ -232,8 +269,8 @@ class SharedGatherer : public Gatherer {
 
   /// Stores for a lobe what the cosine lobe's sums say.
   /// @param all  of HitSet::lobe_weights
-  void StoreCosine(const Side& side, const SliceLobe& lobe, double mean_cosine, uint16_t column, uint32_t slot,
-                   float* all, Scratch* scratch, BlockResult* result) const {
+  void StoreCosine(const Side& side, const SliceLobe& lobe, double mean_cosine, uint16_t column,
+                   uint32_t slot, float* all, Scratch* scratch, BlockResult* result) const {
     if (!light_) {
       const DirectSums sums = SumDirectCosine(side);
       *all = sums.all;

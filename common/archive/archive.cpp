@@ -18,8 +18,6 @@ namespace {
 
 using namespace archive_format;
 
-uint32_t GridSize(uint32_t level) { return 10 * (1u << (2 * level)) + 2; }
-
 uint32_t LargestLobeCount(const std::vector<BrdfShape>& shapes) {
   int lobes = 0;
   for (const BrdfShape& shape : shapes) lobes = std::max(lobes, shape.lobes);
@@ -32,7 +30,7 @@ std::span<const std::byte> AsBytes(const std::string& text) { return std::as_byt
 /// layer's kind of entry.
 Status CheckTable(const SliceTableView& table, const Header& header, uint32_t layer, bool diffuse) {
   if (table.rows() != header.vertices) return BadInput("its rows are not the vertices");
-  if (table.columns() != (diffuse ? 2 : GridSize(header.grid_level))) {
+  if (table.columns() != (diffuse ? 2 : DirectionGrid::SizeOf(static_cast<int>(header.grid_level)))) {
     return BadInput("its columns are not the directions");
   }
   if (table.entry_bytes() != (layer == 0 ? kDirectEntryBytes : kIndirectEntryBytes)) {
@@ -46,6 +44,7 @@ Status CheckTable(const SliceTableView& table, const Header& header, uint32_t la
 Header MakeHeader(const ArchiveContent& content) {
   Header header;
   header.grid_level = static_cast<uint32_t>(content.grid_level);
+  header.base_level = static_cast<uint32_t>(std::min(content.base_level, content.grid_level));
   header.layers = static_cast<uint32_t>(content.layer_bytes.size());
   header.slots = LargestLobeCount(content.domain->shapes);
   header.slice_lobes = static_cast<uint32_t>(content.slice_lobes);
@@ -73,6 +72,7 @@ Status CheckContent(const ArchiveContent& content) {
     return InternalError("archive: direction level " + std::to_string(content.grid_level) +
                          " is out of range");
   }
+  if (content.base_level < 0) return InternalError("archive: the base level is negative");
   if (content.layer_bytes.size() > kMaxLayers) return LimitExceeded("archive: more than 256 layers");
   if (content.slice_lobes < 1 || content.slice_lobes > kMaxSliceLobes) {
     return InternalError("archive: " + std::to_string(content.slice_lobes) + " lobes a slice");
@@ -205,6 +205,7 @@ Status Archive::Impl::Read(bool verify_checksums) {
   GLINT_ASSIGN_OR_RETURN(const std::vector<Section> sections, DecodeFooter(bytes));
   GLINT_RETURN_IF_ERROR(CheckSectionList(sections));
   layers.resize(header.layers);
+  for (LayerViews& layer : layers) layer.nested = header.base_level < header.grid_level;
   for (const Section& section : sections) {
     if (verify_checksums && Checksum64(Stored(section)) != section.checksum) {
       return SectionError(section,
@@ -305,6 +306,9 @@ Result<Archive> Archive::FromMemory(std::span<const std::byte> bytes, const std:
 
 const BakeDomain& Archive::domain() const { return impl_->domain; }
 int Archive::grid_level() const { return static_cast<int>(impl_->header.grid_level); }
+DirectionGrid Archive::MakeGrid() const {
+  return DirectionGrid(grid_level(), static_cast<int>(impl_->header.base_level));
+}
 const std::vector<LayerViews>& Archive::layers() const { return impl_->layers; }
 const std::vector<Camera>& Archive::cameras() const { return impl_->cameras; }
 const std::string& Archive::report_json() const { return impl_->report_json; }

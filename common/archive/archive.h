@@ -11,6 +11,7 @@
 #include "common/base/hash.h"
 #include "common/base/status.h"
 #include "common/domain/bake_domain.h"
+#include "common/domain/direction_grid.h"
 #include "common/scene/scene.h"
 
 namespace glint {
@@ -28,6 +29,8 @@ struct LayerViews : LobeTables {
   /// Second, third, ... lobes of the slices that have them; nothing has an n-th lobe but what has those
   /// before. None in layer 0.
   std::vector<LobeTables> further;
+  /// Slices of directions beyond the grid's base level are predicted where they are absent (nested.h).
+  bool nested = false;
 
   uint32_t lobes() const { return static_cast<uint32_t>(further.size()) + 1; }
   uint32_t diffuse_slot() const { return static_cast<uint32_t>(specular.size()); }
@@ -53,6 +56,8 @@ struct ArchiveContent {
   const BakeDomain* domain = nullptr;
   std::vector<Camera> cameras;
   int grid_level = 3;
+  /// DirectionGrid's; below grid_level: specular slices beyond it are predicted where they are absent
+  int base_level = DirectionGrid::kMaxLevel;
   int slice_lobes = 1;  ///< lobes that a slice of the layers above 0 can have, 1 .. kMaxSliceLobes
   std::vector<LayerViews> layers;
   std::vector<std::vector<std::span<const std::byte>>>
@@ -83,6 +88,7 @@ class Archive {
 
   const BakeDomain& domain() const;
   int grid_level() const;
+  DirectionGrid MakeGrid() const;
   const std::vector<LayerViews>& layers() const;
   const std::vector<Camera>& cameras() const;
   const std::string& report_json() const;

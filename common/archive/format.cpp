@@ -108,6 +108,7 @@ std::array<std::byte, kHeaderBytes> EncodeHeader(const Header& header) {
   Put(at + 28, header.slice_lobes);
   Put(at + 32, header.vertices);
   Put(at + 40, header.triangles);
+  Put(at + 80, header.base_level);
   std::memcpy(at + 48, header.archive_key.bytes.data(), header.archive_key.bytes.size());
   Put(at + kHeaderChecksumOffset, Checksum64({at, kHeaderChecksumOffset}));
   return out;
@@ -135,13 +136,14 @@ Result<Header> DecodeHeader(std::span<const std::byte> file) {
   header.vertices = Get<uint64_t>(at + 32);
   header.triangles = Get<uint64_t>(at + 40);
   std::memcpy(header.archive_key.bytes.data(), at + 48, header.archive_key.bytes.size());
-  if (Get<uint32_t>(at + 12) != kHeaderBytes || !AllZero({at + 80, 40})) {
+  header.base_level = Get<uint32_t>(at + 80);
+  if (Get<uint32_t>(at + 12) != kHeaderBytes || !AllZero({at + 84, 36})) {
     return BadInput("header: reserved bytes are set; a newer Glint may read it");
   }
-  if (header.grid_level > DirectionGrid::kMaxLevel || header.layers > kMaxLayers ||
-      header.slots > static_cast<uint32_t>(kMaxBrdfLobes) || header.slice_lobes < 1 ||
-      header.slice_lobes > static_cast<uint32_t>(kMaxSliceLobes) || header.vertices > kMaxVertices ||
-      header.triangles > kMaxTriangles) {
+  if (header.grid_level > DirectionGrid::kMaxLevel || header.base_level > header.grid_level ||
+      header.layers > kMaxLayers || header.slots > static_cast<uint32_t>(kMaxBrdfLobes) ||
+      header.slice_lobes < 1 || header.slice_lobes > static_cast<uint32_t>(kMaxSliceLobes) ||
+      header.vertices > kMaxVertices || header.triangles > kMaxTriangles) {
     return BadInput("header: a count is out of range; bake it again");
   }
   return header;

@@ -17,7 +17,7 @@ namespace glint::archive_format {
 
 inline constexpr std::array<char, 8> kMagic = {'G', 'L', 'I', 'N', 'T', '\r', '\n', '\x1a'};
 inline constexpr std::array<char, 8> kEndMagic = {'G', 'L', 'I', 'N', 'T', 'E', 'N', 'D'};
-inline constexpr uint32_t kVersion = 2;
+inline constexpr uint32_t kVersion = 3;
 
 inline constexpr uint64_t kHeaderBytes = 128;
 inline constexpr uint64_t kVersionOffset = 8;           ///< in the header
@@ -45,7 +45,7 @@ enum class Codec : uint32_t { kRaw = 0, kZstd = 1, kDraco = 2 };
 
 /// What precedes the sections.
 struct Header {
-  uint32_t grid_level = 0;
+  uint32_t grid_level = 0, base_level = 0;
   uint32_t layers = 0;
   uint32_t slots = 0;  ///< specular tables of each layer; one diffuse table follows them
   uint32_t slice_lobes =

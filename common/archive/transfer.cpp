@@ -9,19 +9,15 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
+#include "common/archive/blend.h"
 #include "common/archive/lobe_codec.h"
+#include "common/archive/nested.h"
 #include "common/base/bend_normal.h"
 #include "common/base/frame.h"
 #include "common/domain/bake_settings.h"
 
 namespace glint {
 namespace {
-
-/// Unit vector along v, or `fallback` where v vanishes.
-glm::vec3 NormalizeOr(const glm::vec3& v, const glm::vec3& fallback) {
-  const float length2 = glm::dot(v, v);
-  return length2 > 1e-20f ? v / std::sqrt(length2) : fallback;
-}
 
 /// Where a look-up reads: corner (vertex i, column j) has its weight at [i * kColumns + j].
 template <int kColumns>
@@ -31,136 +27,85 @@ struct Corners {
   const std::array<float, 3 * kColumns>& weight;
 };
 
+/// The same in nested tables: what stands in for the corners' slices.
+struct NestedCorners {
+  const DirectionGrid& grid;
+  const TransferPoint& point;
+
+  /// VisitStandIns in the row of vertex i.
+  template <class Visit>
+  void VisitRow(int i, const SliceTableView::RowView& row, const Visit& visit) const {
+    const float* w = &point.corner_weight[3 * i];
+    if (w[0] + w[1] + w[2] <= 0) return;
+    const auto find = [&](uint32_t column) { return row.empty() ? nullptr : row.Find(column); };
+    const auto stand_ins = [&](const auto& above) {
+      VisitStandIns(grid, grid.level(), point.grid_triangle, {w[0], w[1], w[2]}, above, find, visit);
+    };
+    if (point.whole[i]) {
+      stand_ins([](uint32_t) { return true; });
+    } else {
+      const glm::vec3& n = point.vertex_normal[i];
+      stand_ins([&](uint32_t column) { return glm::dot(n, grid.direction(column)) > 0; });
+    }
+  }
+};
+
 /// Interpolates the direct lobe of one table. Corners without an entry are unblocked.
 template <int kColumns>
 DirectLobe InterpolateDirect(const SliceTableView& table, const Corners<kColumns>& corners) {
-  float fraction = 0, kappa_ratio = 0;
-  glm::vec3 shift(0);
-  bool stored = false;
+  DirectBlend blend;
   for (int i = 0; i < 3; ++i) {
     const SliceTableView::RowView row = table.Row(corners.vertex[i]);
     for (int j = 0; j < kColumns; ++j) {
       const float w = corners.weight[i * kColumns + j];
       const std::byte* entry = row.empty() || w <= 0 ? nullptr : row.Find(corners.column[j]);
-      if (!entry) {
-        fraction += w;
-        kappa_ratio += w;
-        continue;
+      if (entry) {
+        blend.Add(w, DecodeDirect(entry));
+      } else {
+        blend.AddFree(w);
       }
-      const DirectLobe lobe = DecodeDirect(entry);
-      const float visible = w * lobe.fraction;
-      fraction += visible;
-      shift += visible * lobe.shift;
-      kappa_ratio += visible * lobe.kappa_ratio;
-      stored = true;
     }
   }
-  if (!stored) return {};
-  if (fraction <= 0) return {.fraction = 0};
-  return {std::min(fraction, 1.0f), shift / fraction, kappa_ratio / fraction};
+  return blend.Lobe();
 }
 
-/// Lobes of a look-up's corners, gathered into groups of like ones. A group has at most one lobe of each
-/// corner: what was stored as two lobes is not one thing.
-class CornerGroups {
- public:
-  struct Lobe {
-    glm::vec3 alpha;  ///< times the corner's weight
-    float strength;   ///< of alpha
-    glm::vec3 mu;
-    float kappa;
-  };
-
-  void Add(int corner, const Lobe& lobe) {
-    if (lobe.strength <= 0) return;
-    several_ = several_ || (count_ > 0 && corner_[count_ - 1] == corner);
-    corner_[count_] = corner;
-    lobe_[count_++] = lobe;
-    AddTo(&total_, lobe);
-  }
-  /// Some corner has more than one lobe.
-  bool several() const { return several_; }
-  /// Sums over all lobes; mu and kappa times strength.
-  const Lobe& total() const { return total_; }
-
-  /// Calls emit(lobe) for every group, the one with the strongest lobe first. What is faint, or more than
-  /// kMaxGroups, comes as one broad lobe.
-  template <class Emit>
-  void ForEach(const Emit& emit) {
-    for (int group = 1; count_ > 0; ++group) {
-      const int strongest = Strongest();
-      if (group == kMaxGroups || lobe_[strongest].strength < kFaint * total_.strength) {
-        emit(TakeRest());
+DirectLobe InterpolateDirect(const SliceTableView& table, const NestedCorners& corners) {
+  DirectBlend blend;
+  for (int i = 0; i < 3; ++i)
+    corners.VisitRow(i, table.Row(corners.point.vertex[i]), [&](uint32_t, float w, const std::byte* entry) {
+      if (entry) {
+        blend.Add(w, DecodeDirect(entry));
       } else {
-        emit(TakeLike(strongest));
+        blend.AddFree(w);
       }
+    });
+  return blend.Lobe();
+}
+
+/// Rows of a vertex in a slot's tables, one for each lobe of a slice.
+class LobeRows {
+ public:
+  LobeRows(const LayerViews& layer, uint32_t slot, uint32_t vertex) {
+    // Where a row is empty, so are those of further lobes.
+    for (; lobes_ < layer.lobes(); ++lobes_) {
+      row_[lobes_] = layer.table(lobes_, slot).Row(vertex);
+      if (row_[lobes_].empty()) return;
+    }
+  }
+  bool empty() const { return lobes_ == 0; }
+  const SliceTableView::RowView& first() const { return row_[0]; }
+  /// Calls visit(lobe) for the lobes of a slice, whose first is `entry`.
+  template <class Visit>
+  void ForEach(uint32_t column, const std::byte* entry, const Visit& visit) const {
+    for (uint32_t lobe = 1; entry; ++lobe) {
+      visit(DecodeIndirect(entry));
+      entry = lobe < lobes_ ? row_[lobe].Find(column) : nullptr;
     }
   }
 
  private:
-  static constexpr int kMaxCorners = 9;
-
-  int Strongest() const {
-    int strongest = 0;
-    for (int i = 1; i < count_; ++i)
-      if (lobe_[i].strength > lobe_[strongest].strength) strongest = i;
-    return strongest;
-  }
-
-  /// Takes out a lobe, and of each other corner the nearest that is not far from it.
-  Lobe TakeLike(int seed_index) {
-    const Lobe seed = lobe_[seed_index];
-    std::array<int, kMaxCorners> nearest;
-    std::array<float, kMaxCorners> distance;
-    nearest.fill(-1);
-    distance.fill(kFar);
-    for (int i = 0; i < count_; ++i) {
-      const glm::vec3 d = lobe_[i].mu - seed.mu;
-      const float scaled = glm::dot(d, d) * std::min(lobe_[i].kappa, seed.kappa);
-      if (scaled <= distance[corner_[i]]) distance[corner_[i]] = scaled, nearest[corner_[i]] = i;
-    }
-    nearest[corner_[seed_index]] = seed_index;
-    Lobe sum{glm::vec3(0), 0, glm::vec3(0), 0};
-    int left = 0;
-    for (int i = 0; i < count_; ++i) {
-      if (nearest[corner_[i]] == i) {
-        AddTo(&sum, lobe_[i]);
-      } else {
-        corner_[left] = corner_[i];
-        lobe_[left++] = lobe_[i];
-      }
-    }
-    count_ = left;
-    return {sum.alpha, sum.strength, NormalizeOr(sum.mu, seed.mu), sum.kappa / sum.strength};
-  }
-
-  /// Takes all that are left as the lobe with their moments: they need not be alike.
-  Lobe TakeRest() {
-    Lobe sum{glm::vec3(0), 0, glm::vec3(0), 0};
-    for (int i = 0; i < count_; ++i) AddTo(&sum, lobe_[i]);
-    const float cosine = glm::length(sum.mu) / sum.strength;
-    const float delta = 1 - cosine * (1 - DeltaFromKappa(sum.kappa / sum.strength));
-    count_ = 0;
-    return {sum.alpha, sum.strength, NormalizeOr(sum.mu, lobe_[0].mu),
-            KappaFromDelta(std::clamp(delta, 0.0f, 1.0f))};
-  }
-
-  static void AddTo(Lobe* sum, const Lobe& lobe) {
-    sum->alpha += lobe.alpha;
-    sum->strength += lobe.strength;
-    sum->mu += lobe.strength * lobe.mu;
-    sum->kappa += lobe.strength * lobe.kappa;
-  }
-
-  /// Apart if the angle exceeds 2 / sqrt(kappa) of the broader lobe.
-  static constexpr float kFar = 4;
-  static constexpr float kFaint = 0.04f;  ///< of all corners' light
-
-  std::array<Lobe, kMaxCorners * kMaxSliceLobes> lobe_;
-  std::array<int, kMaxCorners * kMaxSliceLobes> corner_;
-  int count_ = 0;
-  bool several_ = false;
-  Lobe total_{glm::vec3(0), 0, glm::vec3(0), 0};
+  std::array<SliceTableView::RowView, kMaxSliceLobes> row_;
+  uint32_t lobes_ = 0;
 };
 
 /// Calls visit(corner, weight, lobe) for every stored lobe of the corners' slices.
@@ -168,47 +113,59 @@ template <int kColumns, class Visit>
 void VisitIndirect(const LayerViews& layer, uint32_t slot, const Corners<kColumns>& corners,
                    const Visit& visit) {
   for (int i = 0; i < 3; ++i) {
-    std::array<SliceTableView::RowView, kMaxSliceLobes> row;
-    uint32_t lobes = 0;  // where a row is empty, so are those of further lobes
-    for (; lobes < layer.lobes(); ++lobes) {
-      row[lobes] = layer.table(lobes, slot).Row(corners.vertex[i]);
-      if (row[lobes].empty()) break;
-    }
-    for (int j = 0; j < kColumns; ++j) {
+    const LobeRows rows(layer, slot, corners.vertex[i]);
+    for (int j = 0; !rows.empty() && j < kColumns; ++j) {
       const int corner = i * kColumns + j;
-      if (corners.weight[corner] <= 0) continue;
-      for (uint32_t lobe = 0; lobe < lobes; ++lobe) {
-        const std::byte* entry = row[lobe].Find(corners.column[j]);
-        if (!entry) break;
-        visit(corner, corners.weight[corner], DecodeIndirect(entry));
-      }
+      const float w = corners.weight[corner];
+      if (w <= 0) continue;
+      rows.ForEach(corners.column[j], rows.first().Find(corners.column[j]),
+                   [&](const IndirectLobe& lobe) { visit(corner, w, lobe); });
     }
   }
 }
 
+template <class Visit>
+void VisitIndirect(const LayerViews& layer, uint32_t slot, const NestedCorners& corners, const Visit& visit) {
+  int corner = 0;
+  for (int i = 0; i < 3; ++i) {
+    const LobeRows rows(layer, slot, corners.point.vertex[i]);
+    if (rows.empty()) continue;
+    corners.VisitRow(i, rows.first(), [&](uint32_t column, float w, const std::byte* entry) {
+      rows.ForEach(column, entry, [&](const IndirectLobe& lobe) { visit(corner, w, lobe); });
+      ++corner;
+    });
+  }
+}
+
 /// Adds the lobes of an indirect slice; `scale` is the BRDF lobe's weight.
-template <int kColumns>
-void ReadIndirect(const LayerViews& layer, uint32_t slot, const Corners<kColumns>& corners,
-                  const glm::vec3& scale, LayerLobes* out) {
+template <class SomeCorners>
+void ReadIndirect(const LayerViews& layer, uint32_t slot, const SomeCorners& corners, const glm::vec3& scale,
+                  LayerLobes* out) {
   CornerGroups groups;
-  VisitIndirect<kColumns>(layer, slot, corners, [&](int corner, float w, const IndirectLobe& lobe) {
+  VisitIndirect(layer, slot, corners, [&](int corner, float w, const IndirectLobe& lobe) {
     const glm::vec3 alpha = w * lobe.alpha;
     groups.Add(corner, {alpha, Luminance(alpha), lobe.mu, lobe.kappa});
   });
-  const auto emit = [&](const CornerGroups::Lobe& lobe) {
+  groups.Emit([&](const CornerGroups::Lobe& lobe) {
     out->Add({lobe.alpha * scale, lobe.mu, lobe.kappa, false});
-  };
-  // 1 - |mean of mu| is the corners' mean 1 - cos from their common direction: mostly they are alike, which
-  // saves the comparing. Corners' rms angle is then at most 1 / sqrt(kappa).
-  constexpr float kAlike = 0.5f;
-  const CornerGroups::Lobe& all = groups.total();
-  if (all.strength <= 0) return;
-  const float length = glm::length(all.mu);
-  const bool alike = (all.strength - length) * all.kappa <= kAlike * all.strength * all.strength;
-  if (alike && length > 0 && !groups.several()) {
-    emit({all.alpha, all.strength, all.mu / length, all.kappa / all.strength});
-  } else {
-    groups.ForEach(emit);
+  });
+}
+
+/// Adds the lobes of a point's specular slices.
+template <class SomeCorners>
+void ReadSpecular(const TransferPoint& point, const LayerViews& layer, int index, const SomeCorners& corners,
+                  LayerLobes* out) {
+  for (int k = 0; k < point.slice.lobes; ++k) {
+    const BrdfLobe& brdf = point.slice.lobe[k];
+    const glm::vec3 weight = brdf.Weight(point.specular);
+    if (index > 0) {
+      ReadIndirect(layer, static_cast<uint32_t>(k), corners, weight, out);
+      continue;
+    }
+    const DirectLobe direct = InterpolateDirect(layer.specular[k], corners);
+    if (direct.fraction > 0)
+      out->Add({weight * direct.fraction, UnitOr(point.lobe_mu[k] + direct.shift, point.lobe_mu[k]),
+                std::min(brdf.kappa * direct.kappa_ratio, kMaxKappa), false});
   }
 }
 
@@ -264,9 +221,9 @@ bool TransferReader::OrientNormal(uint32_t triangle, const std::array<float, 3>&
   const float side = point->back ? -1.0f : 1.0f;
   face *= side;
   const glm::vec3 n =
-      NormalizeOr(side * (barycentric[0] * domain_.normals[t[0]] + barycentric[1] * domain_.normals[t[1]] +
-                          barycentric[2] * domain_.normals[t[2]]),
-                  face);
+      UnitOr(side * (barycentric[0] * domain_.normals[t[0]] + barycentric[1] * domain_.normals[t[1]] +
+                     barycentric[2] * domain_.normals[t[2]]),
+             face);
   point->normal = BendNormal(face, point->wo, n);
   point->cos_o = std::max(glm::dot(point->normal, point->wo), kMinCosine);
   return true;
@@ -300,16 +257,18 @@ void TransferReader::WeighCorners(TransferPoint* point) const {
   // the interpolated normal n stand in; one of them is defined, as the sum of w_i n_i . n is |n|^2.
   glm::vec3 n(0);
   for (int i = 0; i < 3; ++i) n += point->vertex_weight[i] * domain_.normals[point->vertex[i]];
-  WeighCornersAround(NormalizeOr(point->back ? -n : n, point->normal), point);
+  WeighCornersAround(UnitOr(point->back ? -n : n, point->normal), point);
 }
 
 bool TransferReader::WeighCornersAround(const glm::vec3& direction, TransferPoint* point) const {
   const DirectionGrid::Location location = grid_.Locate(direction);
   point->column = location.index;
+  point->grid_triangle = location.triangle;
   const float side = point->back ? -1.0f : 1.0f;
   float total = 0;
   for (int i = 0; i < 3; ++i) {
     const glm::vec3 n = side * domain_.normals[point->vertex[i]];
+    point->vertex_normal[i] = n;
     for (int j = 0; j < 3; ++j) {
       const bool defined = glm::dot(n, grid_.direction(location.index[j])) > 0;
       const float w = defined ? point->vertex_weight[i] * location.weight[j] : 0.0f;
@@ -319,7 +278,18 @@ bool TransferReader::WeighCornersAround(const glm::vec3& direction, TransferPoin
   }
   const float scale = total > 0 ? 1 / total : 0;
   for (float& w : point->corner_weight) w *= scale;
+  if (grid_.nested()) CompareWithHorizons(point);
   return total > 0;
+}
+
+void TransferReader::CompareWithHorizons(TransferPoint* point) const {
+  const int levels = grid_.level() - grid_.base_level();
+  const auto& corners = grid_.triangles(grid_.base_level())[point->grid_triangle >> (2 * levels)];
+  for (int i = 0; i < 3; ++i) {
+    const glm::vec3& n = point->vertex_normal[i];
+    point->whole[i] = std::all_of(corners.begin(), corners.end(),
+                                  [&](uint32_t column) { return glm::dot(n, grid_.direction(column)) > 0; });
+  }
 }
 
 bool TransferReader::Prepare(uint32_t triangle, float u, float v, const glm::vec3& wo,
@@ -339,18 +309,10 @@ bool TransferReader::Prepare(uint32_t triangle, float u, float v, const glm::vec
 void TransferReader::Read(const TransferPoint& point, const LayerViews& layer, int index,
                           LayerLobes* out) const {
   out->count = 0;
-  const Corners<3> corners{point.vertex, point.column, point.corner_weight};
-  for (int k = 0; k < point.slice.lobes; ++k) {
-    const BrdfLobe& brdf = point.slice.lobe[k];
-    const glm::vec3 weight = brdf.Weight(point.specular);
-    if (index > 0) {
-      ReadIndirect(layer, static_cast<uint32_t>(k), corners, weight, out);
-      continue;
-    }
-    const DirectLobe direct = InterpolateDirect(layer.specular[k], corners);
-    if (direct.fraction > 0)
-      out->Add({weight * direct.fraction, NormalizeOr(point.lobe_mu[k] + direct.shift, point.lobe_mu[k]),
-                std::min(brdf.kappa * direct.kappa_ratio, kMaxKappa), false});
+  if (layer.nested) {
+    ReadSpecular(point, layer, index, NestedCorners{grid_, point}, out);
+  } else {
+    ReadSpecular(point, layer, index, Corners<3>{point.vertex, point.column, point.corner_weight}, out);
   }
   if (point.diffuse_albedo.x + point.diffuse_albedo.y + point.diffuse_albedo.z <= 0) return;
   const std::array<uint32_t, 1> side = {point.back ? 1u : 0u};
@@ -361,7 +323,7 @@ void TransferReader::Read(const TransferPoint& point, const LayerViews& layer, i
   }
   const DirectLobe direct = InterpolateDirect(layer.diffuse, vertices);
   if (direct.fraction > 0)
-    out->Add({point.diffuse_albedo * direct.fraction, NormalizeOr(point.normal + direct.shift, point.normal),
+    out->Add({point.diffuse_albedo * direct.fraction, UnitOr(point.normal + direct.shift, point.normal),
               kCosineKappa * direct.kappa_ratio, true});
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/archive/archive.h"
+#include "common/archive/blend.h"
 #include "common/domain/bake_domain.h"
 #include "common/domain/direction_grid.h"
 #include "common/lobes/slice_sampler.h"
@@ -28,9 +29,13 @@ struct TransferPoint {
   std::array<glm::vec3, kMaxBrdfLobes> lobe_mu;  ///< their directions, world
   std::array<uint32_t, 3> vertex{};
   std::array<uint32_t, 3> column{};  ///< grid directions around wo
+  uint32_t grid_triangle = 0;        ///< of them
   /// Weight of (vertex i, column j) at [3 i + j]: 0 where the direction lies under the vertex's own horizon
   /// (no slice is defined there), and the rest add up to 1.
   std::array<float, 9> corner_weight{};
+  std::array<glm::vec3, 3> vertex_normal{};  ///< unit, of wo's side
+  /// Of vertex i: the whole triangle of the grid's base level around wo is above its horizon.
+  std::array<bool, 3> whole{};
   std::array<float, 3> vertex_weight{};  ///< barycentric, for slices that do not depend on wo
 };
 
@@ -47,9 +52,6 @@ struct TransferLobe {
 /// vMF with the mean cosine 2/3 of the cosine lobe.
 inline constexpr float kCosineKappa = 2.9871f;
 
-/// A BRDF lobe is read as up to this many when its slices have several or its corners are too far apart to be
-/// averaged.
-inline constexpr int kMaxGroups = 8;
 /// At most this many lobes come from one layer at one point.
 inline constexpr int kMaxLayerLobes = kMaxGroups * (kMaxBrdfLobes + 1);
 
@@ -83,6 +85,8 @@ class TransferReader {
   void WeighCorners(TransferPoint* point) const;
   /// Corners' weights for the slices around `direction`. False if none of them is defined.
   bool WeighCornersAround(const glm::vec3& direction, TransferPoint* point) const;
+
+  void CompareWithHorizons(TransferPoint* point) const;
 
   /// The slice between three shapes (textured roughness): lobe k of each taken together.
   BrdfSlice BlendSlices(const std::array<uint32_t, 3>& vertex, const std::array<float, 3>& weight,

@@ -5,6 +5,8 @@ namespace glint {
 void HashSettings(const BakeSettings& s, Hasher* hasher) {
   hasher->Add(s.method)
       .Add(s.grid_level)
+      .Add(s.angular_tolerance)
+      .Add(s.base_level)
       .Add(s.rays_per_kappa)
       .Add(s.min_rays)
       .Add(s.max_rays)

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "common/base/hash.h"
@@ -17,7 +18,11 @@ enum class GatherMethod : uint8_t {
 /// What a slice's value depends on, besides the scene and the layer before. Part of every task's key.
 struct BakeSettings {
   GatherMethod method = GatherMethod::kShared;
-  int grid_level = 3;           ///< geodesic level of the view directions; 3: 642 of them
+  int grid_level = 3;  ///< geodesic level of the view directions; 3: 642 of them
+  /// kShared: a slice is left out if interpolating those around it errs by less than this part of its
+  /// unoccluded lobe (worker/angular_refinement.h); 0: every direction has its own
+  float angular_tolerance = 0;
+  int base_level = 1;           ///< kShared, with angular_tolerance: level up to which nothing is left out
   float rays_per_kappa = 3.6f;  ///< kShared: base rays per unit of the vertex's sharpest kappa, at kappa 128
   int min_rays = 256;           ///< kShared: bounds on base rays per vertex
   int max_rays = 8192;
@@ -35,6 +40,11 @@ struct BakeSettings {
   uint64_t seed = 1;
   BrdfFitOptions fit;
 
+  /// Level up to which each direction has a slice of its own: the grid's, unless some are left out.
+  int BaseLevel() const {
+    const bool nested = method == GatherMethod::kShared && angular_tolerance > 0;
+    return nested ? std::min(base_level, grid_level) : grid_level;
+  }
   /// Lobes that a slice of a layer can have. Direct light keeps to one: what a blocker's edge leaves of a
   /// lobe is no better seen as several (docs/mathematics.md).
   uint32_t StoredLobes(int layer) const {

@@ -11,7 +11,7 @@ namespace glint {
 namespace {
 
 constexpr int kMaxRays = 1 << 20;
-static_assert(sizeof(BakeSettings) == 56 && sizeof(BrdfFitOptions) == 8,
+static_assert(sizeof(BakeSettings) == 64 && sizeof(BrdfFitOptions) == 8,
               "a field was added or taken away: do the same below");
 
 /// Calls visit(name, field, low, high) for every number of the settings.
@@ -19,6 +19,8 @@ template <class Settings, class Visit>
 void VisitNumbers(Settings& s, const Visit& visit) {
   constexpr float kLargest = std::numeric_limits<float>::max();
   visit("grid_level", s.grid_level, 0, DirectionGrid::kMaxLevel);
+  visit("angular_tolerance", s.angular_tolerance, 0.0f, kLargest);
+  visit("base_level", s.base_level, 0, DirectionGrid::kMaxLevel);
   visit("rays_per_kappa", s.rays_per_kappa, 0.0f, kLargest);
   visit("min_rays", s.min_rays, 1, kMaxRays);
   visit("max_rays", s.max_rays, 1, kMaxRays);

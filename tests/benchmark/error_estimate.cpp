@@ -59,7 +59,7 @@ ErrorEstimate Estimate(const Scene& scene, const Archive& archive, const Argumen
   options.drop = args.bake.settings.drop;
   options.threads = args.bake.threads;
   return Need(
-      EstimateError(archive.domain(), rays, DirectionGrid(archive.grid_level()), archive.layers(), options));
+      EstimateError(archive.domain(), rays, archive.MakeGrid(), archive.layers(), options));
 }
 
 double CpuSeconds() {

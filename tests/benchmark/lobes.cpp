@@ -89,7 +89,7 @@ class LobeBenchmark {
   LobeBenchmark(const Scene& scene, const Archive& archive)
       : archive_(archive),
         domain_(archive.domain()),
-        grid_(archive.grid_level()),
+        grid_(archive.MakeGrid()),
         rays_(scene, 0),
         input_{domain_, rays_, grid_},
         cache_(input_, settings_, uint64_t{2} << 30),

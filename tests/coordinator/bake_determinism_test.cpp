@@ -37,6 +37,7 @@ struct Case {
   const char* name;
   GatherMethod method;
   Scene (*scene)();
+  float angular_tolerance = 0;
 };
 
 class BakeDeterminismTest : public testing::TestWithParam<Case> {};
@@ -51,6 +52,9 @@ struct Spread {
 TEST_P(BakeDeterminismTest, ThreadsPartitionAndMemoryDoNotShow) {
   const Scene scene = GetParam().scene();
   BakeOptions options = SmallOptions(GetParam().method);
+  options.settings.angular_tolerance = GetParam().angular_tolerance;
+  options.settings.grid_level = GetParam().angular_tolerance > 0 ? 2 : 1;
+  options.settings.base_level = 0;
   options.threads = 1;
   const Baked expected = BakeHere(scene, options);
   ASSERT_FALSE(expected.archive.empty());
@@ -79,7 +83,10 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(Case{"SharedKnot", GatherMethod::kShared, [] { return Generated("knot"); }},
                     Case{"PaperKnot", GatherMethod::kPaper, [] { return Generated("knot"); }},
                     Case{"SharedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); }},
-                    Case{"PaperPaint", GatherMethod::kPaper, [] { return GeneratedPaint("planes"); }}),
+                    Case{"PaperPaint", GatherMethod::kPaper, [] { return GeneratedPaint("planes"); }},
+                    Case{"NestedKnot", GatherMethod::kShared, [] { return Generated("knot"); }, 0.05f},
+                    Case{"NestedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); },
+                         0.05f}),
     [](const auto& c) { return std::string(c.param.name); });
 
 TEST(BakeSettingsTest, WhatDecidesTheResultShows) {
@@ -88,9 +95,12 @@ TEST(BakeSettingsTest, WhatDecidesTheResultShows) {
   options.max_layers = 1;
   const Baked expected = BakeHere(scene, options);
   const std::function<void(BakeOptions*)> changes[] = {
-      [](BakeOptions* o) { o->settings.seed = 2; }, [](BakeOptions* o) { o->settings.max_rays = 1024; },
-      [](BakeOptions* o) { o->settings.drop = 0.1f; }, [](BakeOptions* o) { o->settings.split_levels = 2; },
-      [](BakeOptions* o) { o->settings.method = GatherMethod::kPaper; }};
+      [](BakeOptions* o) { o->settings.seed = 2; },
+      [](BakeOptions* o) { o->settings.max_rays = 1024; },
+      [](BakeOptions* o) { o->settings.drop = 0.1f; },
+      [](BakeOptions* o) { o->settings.split_levels = 2; },
+      [](BakeOptions* o) { o->settings.method = GatherMethod::kPaper; },
+      [](BakeOptions* o) { o->settings.angular_tolerance = 0.1f, o->settings.base_level = 0; }};
   for (const auto& change : changes) {
     BakeOptions changed = options;
     change(&changed);

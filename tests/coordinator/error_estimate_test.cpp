@@ -45,7 +45,7 @@ ErrorEstimate EstimateOf(const Archive& archive, uint32_t slices, int threads = 
                          float drop = BakeSettings().drop) {
   const RayScene rays(BareScene(archive.domain()));
   Result<ErrorEstimate> estimate =
-      EstimateError(archive.domain(), rays, DirectionGrid(archive.grid_level()), archive.layers(),
+      EstimateError(archive.domain(), rays, archive.MakeGrid(), archive.layers(),
                     {slices, BakeSettings().seed, drop, threads});
   EXPECT_TRUE(estimate.ok()) << estimate.status().message();
   return *estimate;

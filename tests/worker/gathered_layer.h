@@ -18,6 +18,7 @@ struct GatheredLayer {
   std::vector<std::vector<std::byte>> bytes;
   LayerViews views;
 
+  /// Nested tables too are of the bake's default form here, which reads the same.
   GatheredLayer(const GatherInput& input, const BakeSettings& settings, const BlockResult& block, int layer) {
     const uint32_t entry_bytes = layer == 0 ? kDirectEntryBytes : kIndirectEntryBytes;
     const SlotLayout layout{static_cast<uint32_t>(input.domain.max_lobes()), settings.StoredLobes(layer)};
@@ -34,6 +35,7 @@ struct GatheredLayer {
       bytes.push_back(builder.Finish());
       views.Add(slot / layout.stride(), diffuse, *SliceTableView::Parse(bytes.back()));
     }
+    views.nested = input.grid.nested();
   }
 };
 

@@ -23,13 +23,16 @@ namespace {
 /// The first two layers of a small scene, gathered.
 class LayerLightTest : public testing::Test {
  protected:
-  explicit LayerLightTest(uint32_t vertices = 900, float exponent = 64)
+  /// @param base_level  below 2: directions are left out
+  explicit LayerLightTest(uint32_t vertices = 900, float exponent = 64, int base_level = 2)
       : scene_(*GenerateScene("goblets", {vertices, exponent})),
         domain_(BuildBakeDomain(scene_, {}, 1)),
-        grid_(2),
+        grid_(2, base_level),
         rays_(scene_, 1) {
     BakeSettings settings;
     settings.grid_level = 2;
+    if (base_level < 2) settings.angular_tolerance = 0.05f;
+    settings.base_level = base_level;
     layers_ = GatherLayers({domain_, rays_, grid_}, settings, 2);
   }
 
@@ -111,12 +114,20 @@ class LayerLightTest : public testing::Test {
   }
 };
 
+/// Goblets are double-sided.
+class NestedLayerLightTest : public LayerLightTest {
+ protected:
+  NestedLayerLightTest() : LayerLightTest(900, 64, 0) {}
+};
+
 class GgxLayerLightTest : public LayerLightTest {
  protected:
   GgxLayerLightTest() : LayerLightTest(600, 0) {}
 };
 
 TEST_F(LayerLightTest, AnswersAsTheReaderOfPictures) { ExpectReadersAgree(); }
+
+TEST_F(NestedLayerLightTest, AnswersAsTheReaderOfPictures) { ExpectReadersAgree(); }
 
 TEST_F(GgxLayerLightTest, AnswersAsTheReaderOfPictures) { ExpectReadersAgree(); }
 
