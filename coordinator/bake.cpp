@@ -1,7 +1,5 @@
 #include "coordinator/bake.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -12,14 +10,17 @@
 #include "common/archive/archive.h"
 #include "common/base/files.h"
 #include "common/base/log.h"
+#include "common/base/memory.h"
 #include "common/base/parallel.h"
 #include "common/domain/bake_domain.h"
 #include "common/domain/direction_grid.h"
+#include "common/round/task.h"
 #include "common/scene/ray_scene.h"
 #include "coordinator/bake_report.h"
 #include "coordinator/layer.h"
 #include "coordinator/local_executor.h"
 #include "coordinator/work_folder.h"
+#include "worker/execution_id.h"
 
 namespace glint {
 namespace {
@@ -30,23 +31,20 @@ double Now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-uint64_t MachineMemory() {
-  return static_cast<uint64_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<uint64_t>(sysconf(_SC_PAGE_SIZE));
+/// Slices that the report's estimate tests.
+uint32_t EstimateSlices(const BakeOptions& options, const Scene& scene) {
+  return options.estimate_slices.value_or(
+      DefaultEstimateSlices(static_cast<uint32_t>(scene.positions.size())));
 }
 
-Digest BakeKey(const Scene& scene, const BakeOptions& options) {
-  Hasher hasher;
-  hasher.String("glint bake").String(ExecutionId()).Add(scene.content);
-  HashSettings(options.settings, &hasher);
-  return hasher.Finish();
-}
-
-/// The bake's key, and what decides which of its layers the archive holds, in which form, beside what else.
+/// The bake's key, and what decides which of its layers the archive holds, in which form, beside what else:
+/// the report with its estimate of the error is in it, too.
 Digest ArchiveKey(const Digest& bake_key, const Scene& scene, const std::string& name,
                   const BakeOptions& options) {
   Hasher hasher;
   hasher.String("glint archive").Add(bake_key).String(name);
   hasher.Add(options.max_layers).Add(options.layer_tolerance).Add(options.table_form);
+  hasher.Add(kEstimateRevision).Add(EstimateSlices(options, scene));
   hasher.Add(uint64_t{scene.cameras.size()});
   for (const Camera& camera : scene.cameras) {
     hasher.String(camera.name).Add(camera.vertical_fov);
@@ -55,19 +53,6 @@ Digest ArchiveKey(const Digest& bake_key, const Scene& scene, const std::string&
   hasher.Add(uint64_t{scene.notes.size()});
   for (const std::string& note : scene.notes) hasher.String(note);
   return hasher.Finish();
-}
-
-Digest TaskKey(const Digest& bake_key, int layer, const GatherBlock& block, const Digest& previous) {
-  return Hasher()
-      .String("task")
-      .Add(bake_key)
-      .Add(layer)
-      .Add(block.first_vertex)
-      .Add(block.vertices)
-      .Add(block.first_column)
-      .Add(block.columns)
-      .Add(previous)
-      .Finish();
 }
 
 /// Vertices per task: small enough that threads end together and a kill loses little, large enough that
@@ -137,7 +122,7 @@ class Progress {
 };
 
 /// Runs one layer's round and merges it. Chunks found damaged on merging are computed again, once.
-Result<Layer> BakeLayer(const std::vector<TaskSpec>& tasks, const LayerViews* previous, ChunkStore& store,
+Result<Layer> BakeLayer(const std::vector<TaskSpec>& tasks, const Layer* previous, ChunkStore& store,
                         const BakeDomain& domain, const DirectionGrid& grid, const BakeOptions& options,
                         int threads, Executor* executor, Progress* progress) {
   const std::string name = "layer " + std::to_string(tasks.front().layer);
@@ -181,6 +166,18 @@ Status Publish(const fs::path& out_path, const Scene& scene, const BakeDomain& d
   return WriteArchive(out_path, content);
 }
 
+Result<ErrorEstimate> Estimate(const BakeDomain& domain, const DirectionGrid& grid,
+                               const std::deque<Layer>& layers, const BakeOptions& options, uint32_t slices,
+                               int threads) {
+  // By one thread: the order of a tree's leaves may depend on how many build it, and this is in the archive.
+  const RayScene rays(domain.positions, domain.triangles, 1);
+  GLINT_RETURN_IF_ERROR(rays.status());
+  std::vector<LayerViews> views;
+  for (const Layer& layer : layers) views.push_back(layer.views);
+  return EstimateError(domain, rays, grid, views,
+                       {slices, options.settings.seed, options.settings.read_out(), threads});
+}
+
 /// @param begin, loaded  when the bake began, and when the scene was there
 Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const fs::path& out_path,
                               const BakeOptions& options, const BakeProgressCallback& callback, double begin,
@@ -190,7 +187,7 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
                       std::to_string(kMaxIndirectLayers));
   }
   const int threads = ResolveThreadCount(options.threads);
-  const Digest bake_key = BakeKey(scene, options);
+  const Digest bake_key = BakeKey(ExecutionId(), scene.content, options.settings);
   const fs::path work_dir =
       options.work_dir.empty() ? fs::path(out_path.string() + ".work") : options.work_dir;
   GLINT_ASSIGN_OR_RETURN(WorkFolder work, WorkFolder::Open(work_dir, bake_key));
@@ -205,14 +202,15 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
   progress.Stage("fit");
   const BakeDomain domain = BuildBakeDomain(scene, options.settings.fit, threads);
   const DirectionGrid grid(options.settings.grid_level);
-  const RayScene rays(scene, threads);
   report.vertices = domain.vertex_count();
   report.triangles = domain.triangles.size();
   report.directions = grid.size();
 
   const uint64_t memory = options.memory_bytes ? options.memory_bytes : MachineMemory() / 4;
-  const auto executor =
-      MakeLocalExecutor(domain, rays, grid, options.settings, work.store(), threads, memory);
+  const auto make_executor = options.make_executor ? options.make_executor : MakeLocalExecutor;
+  GLINT_ASSIGN_OR_RETURN(const std::unique_ptr<Executor> executor,
+                         make_executor({scene.content, domain, grid, options.settings, work.store(), threads,
+                                        memory, options.stop}));
 
   std::deque<Layer> layers;
   for (int index = 0; index <= options.max_layers; ++index) {
@@ -220,8 +218,8 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
     const std::vector<TaskSpec> tasks =
         Partition(options, domain.vertex_count(), grid.size(), index, bake_key, previous);
     GLINT_ASSIGN_OR_RETURN(
-        Layer layer, BakeLayer(tasks, layers.empty() ? nullptr : &layers.back().views, work.store(), domain,
-                               grid, options, threads, executor.get(), &progress));
+        Layer layer, BakeLayer(tasks, layers.empty() ? nullptr : &layers.back(), work.store(), domain, grid,
+                               options, threads, executor.get(), &progress));
     report.layers.push_back(DescribeLayer(layer));
     report.rays += layer.counters.rays;
     const bool faint = index > 0 && layer.energy < options.layer_tolerance;
@@ -230,6 +228,10 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
     if (faint) break;
   }
 
+  if (const uint32_t slices = EstimateSlices(options, scene)) {
+    progress.Stage("estimate");
+    GLINT_ASSIGN_OR_RETURN(report.error, Estimate(domain, grid, layers, options, slices, threads));
+  }
   progress.Stage("write");
   GLINT_RETURN_IF_ERROR(Publish(out_path, scene, domain, layers, options, &report));
   progress.EndStage();

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,31 +13,38 @@
 #include "common/base/status.h"
 #include "common/domain/bake_settings.h"
 #include "common/scene/load.h"
+#include "coordinator/error_estimate.h"
+#include "coordinator/executor.h"
 
 namespace glint {
 
 /// Layers of an archive, less the direct one.
 inline constexpr int kMaxIndirectLayers = 255;
 
-/// How to bake. `settings`, the layers and the form decide the result; the rest only how it is reached.
+/// How to bake. `settings`, the layers, the form and the estimate decide the result; the rest only how it is
+/// reached.
 struct BakeOptions {
   BakeSettings settings;
   int max_layers = 16;            ///< at most this many indirect layers, 0 to kMaxIndirectLayers, ...
   float layer_tolerance = 0.01f;  ///< ... and no more once a layer's relative light is below this
   TableForm table_form = kDefaultTableForm;
+  /// Slices tested after the bake to estimate its error: 0: no estimate; none: DefaultEstimateSlices
+  std::optional<uint32_t> estimate_slices;
   SceneLimits scene_limits;
   int threads = 0;                   ///< 0: all cores
   uint32_t vertices_per_task = 0;    ///< 0: chosen so that tasks are neither tiny nor few
   uint32_t directions_per_task = 0;  ///< 0: all
   uint64_t memory_bytes = 0;  ///< for hit sets kept between layers; 0: a quarter of the machine's memory
   std::filesystem::path
-      work_dir;            ///< for a sub-folder with finished tasks; empty: OUT.work beside the output
-  bool keep_work = false;  ///< keep that sub-folder after the archive is written
+      work_dir;                   ///< for a sub-folder with finished tasks; empty: OUT.work beside the output
+  bool keep_work = false;         ///< keep that sub-folder after the archive is written
+  ExecutorFactory make_executor;  ///< who runs the tasks; empty: threads of this process
+  std::function<bool()> stop = StopRequested;  ///< asked between tasks: whether to end (kInterrupted)
 };
 
 /// State of a running bake.
 struct BakeProgress {
-  std::string stage;  ///< "load", "fit", "layer 0", ..., "write"
+  std::string stage;  ///< "load", "fit", "layer 0", ..., "estimate", "write"
   size_t done = 0, tasks = 0;
   double slices_per_second = 0;
   double seconds_left = 0;  ///< of this layer
@@ -56,7 +64,8 @@ struct BakeReport {
   Digest archive_key;
   uint64_t vertices = 0, triangles = 0, directions = 0, rays = 0;
   std::vector<LayerReport> layers;
-  bool complete = false;  ///< no further layer carries the tolerance's part of the light
+  std::optional<ErrorEstimate> error;  ///< none if not asked for
+  bool complete = false;               ///< no further layer carries the tolerance's part of the light
   std::vector<std::pair<std::string, double>> stage_seconds;  ///< of this run; a stage may come twice
   double seconds = 0;                                         ///< of this run
   uint64_t archive_bytes = 0, tasks = 0, tasks_reused = 0;
@@ -65,8 +74,8 @@ struct BakeReport {
   std::string deterministic_json, json;
 };
 
-/// Bakes a scene file into an archive: load, fit, direct and indirect layers, merge, write. Stopped by a
-/// signal (kInterrupted) or killed at any moment, the same call goes on where it was. Errors: those of
+/// Bakes a scene file into an archive: load, fit, direct and indirect layers, merge, estimate, write. Stopped
+/// by a signal (kInterrupted) or killed at any moment, the same call goes on where it was. Errors: those of
 /// LoadScene; kUsage for max_layers; kIo for the output or the work folder; kInterrupted.
 Result<BakeReport> Bake(const std::filesystem::path& scene_path, const std::filesystem::path& out_path,
                         const BakeOptions& options, const BakeProgressCallback& progress = {});

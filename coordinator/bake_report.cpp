@@ -80,6 +80,7 @@ std::string DeterministicReportJson(const BakeReport& report, const BakeDomain& 
                               {"density", layer.density},
                               {"relative_light", layer.energy}});
   json["complete"] = report.complete;
+  if (report.error) json["error"] = Json::parse(ToJson(*report.error));
   json["notes"] = report.notes;
   return ToText(json);
 }

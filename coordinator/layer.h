@@ -7,8 +7,8 @@
 #include "common/archive/archive.h"
 #include "common/archive/chunk.h"
 #include "common/domain/direction_grid.h"
+#include "common/round/task.h"
 #include "common/store/store.h"
-#include "coordinator/executor.h"
 
 namespace glint {
 

@@ -1,16 +1,11 @@
 #include "coordinator/local_executor.h"
 
-#include <features.h>
-#ifdef __GLIBC__
-#include <gnu/libc-version.h>
-#endif
-
 #include <mutex>
-#include <string>
+#include <utility>
 
-#include "common/archive/chunk.h"
-#include "common/base/log.h"
 #include "common/base/parallel.h"
+#include "common/scene/ray_scene.h"
+#include "worker/compute_task.h"
 #include "worker/gather.h"
 
 namespace glint {
@@ -18,9 +13,14 @@ namespace {
 
 class LocalExecutor : public Executor {
  public:
-  LocalExecutor(const GatherInput& input, const BakeSettings& settings, const ChunkStore& store, int threads,
-                uint64_t memory_bytes)
-      : store_(store), threads_(threads), gatherer_(MakeGatherer(input, settings, memory_bytes)) {}
+  explicit LocalExecutor(const ExecutorInput& input)
+      : rays_(input.domain.positions, input.domain.triangles),
+        store_(input.store),
+        threads_(input.threads),
+        stop_(input.stop),
+        gatherer_(MakeGatherer({input.domain, rays_, input.grid}, input.settings, input.memory_bytes)) {}
+
+  const Status& status() const { return rays_.status(); }
 
   Status Run(const Round& round, const std::function<void(size_t, bool)>& on_done) override {
     std::mutex mutex;
@@ -32,7 +32,7 @@ class LocalExecutor : public Executor {
         if (!first_error.ok()) return;
       }
       Result<bool> was_there =
-          StopRequested() ? Interrupted("stopped on request") : RunTask(round, round.tasks[i], &begun);
+          stop_() ? Interrupted("stopped on request") : RunTask(round, round.tasks[i], &begun);
       const std::lock_guard lock(mutex);
       if (was_there.ok()) {
         on_done(i, *was_there);
@@ -46,35 +46,26 @@ class LocalExecutor : public Executor {
  private:
   Result<bool> RunTask(const Round& round, const TaskSpec& task, std::once_flag* begun) {
     if (store_.FindResult(task.key)) return true;
-    std::call_once(*begun, [&] { gatherer_->BeginLayer(task.layer, round.previous, threads_); });
-    const BlockResult result = gatherer_->Gather(task.block);
-    GLINT_ASSIGN_OR_RETURN([[maybe_unused]] const Digest digest,
-                           store_.PutResult(task.key, SerializeBlock(result)));
+    std::call_once(*begun, [&] {
+      gatherer_->BeginLayer(task.layer, round.previous ? &round.previous->views : nullptr, threads_);
+    });
+    GLINT_RETURN_IF_ERROR(ComputeTask(task, *gatherer_, &store_));
     return false;
   }
 
+  const RayScene rays_;
   ChunkStore store_;
   const int threads_;
+  const std::function<bool()> stop_;
   std::unique_ptr<Gatherer> gatherer_;
 };
 
 }  // namespace
 
-std::unique_ptr<Executor> MakeLocalExecutor(const BakeDomain& domain, const RayScene& rays,
-                                            const DirectionGrid& grid, const BakeSettings& settings,
-                                            const ChunkStore& store, int threads, uint64_t memory_bytes) {
-  return std::make_unique<LocalExecutor>(GatherInput{domain, rays, grid}, settings, store, threads,
-                                         memory_bytes);
-}
-
-std::string ExecutionId() {
-  std::string id = "glint " GLINT_VERSION ", gathering " + std::to_string(kGatherRevision) + "; " +
-                   RayScene::EngineId() + "; kernels " + GatherKernelLevel() + "; " GLINT_COMPILER;
-#ifdef __GLIBC__
-  id += std::string(", glibc ") + gnu_get_libc_version();  // its exp, pow, ... have other last bits
-#endif
-  const std::string flags = GLINT_COMPILER_FLAGS;
-  return flags.empty() ? id : id + ", " + flags;
+Result<std::unique_ptr<Executor>> MakeLocalExecutor(const ExecutorInput& input) {
+  auto executor = std::make_unique<LocalExecutor>(input);
+  GLINT_RETURN_IF_ERROR(executor->status());
+  return std::unique_ptr<Executor>(std::move(executor));
 }
 
 }  // namespace glint

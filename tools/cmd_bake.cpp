@@ -4,17 +4,27 @@
 #include <memory>
 
 #include "common/base/log.h"
-#include "common/domain/direction_grid.h"
+#include "common/queue/nats_queue.h"
 #include "coordinator/bake.h"
+#include "coordinator/cluster_executor.h"
+#include "coordinator/manual_executor.h"
+#include "tools/bake_words.h"
 #include "tools/commands.h"
+#include "tools/report.h"
+#include "tools/service_words.h"
 
 namespace glint {
 namespace {
 
+/// Who runs tasks.
+enum class Executing { kLocal, kManual, kCluster };
+
 struct BakeWords {
   std::string scene, output;
-  uint32_t directions = 642;
   uint64_t memory_mib = 0;
+  Executing executing = Executing::kLocal;
+  NatsOptions nats;
+  ClusterOptions cluster;
   BakeOptions options;
 };
 
@@ -49,26 +59,19 @@ class ProgressPrinter {
   double next_ = 0;
 };
 
-/// 12, 42, 162, ...: what --directions may be.
-std::string GridSizes() {
-  std::string sizes;
-  for (int level = 0, size = 12; level <= DirectionGrid::kMaxLevel; ++level, size = 4 * size - 6) {
-    sizes += (level > 0 ? ", " : "") + std::to_string(size);
-  }
-  return sizes;
-}
-
 Status RunBake(const BakeWords& words, const CommonWords& common) {
   GLINT_RETURN_IF_ERROR(CheckOutput(words.output, {".glint"}));
   GLINT_RETURN_IF_ERROR(CheckOutput(words.output + ".json", {".json"}));
   BakeOptions options = words.options;
-  options.settings.grid_level = DirectionGrid::LevelOf(words.directions);
-  if (options.settings.grid_level < 0) {
-    return UsageError("--directions " + std::to_string(words.directions) + ": choose one of " + GridSizes());
-  }
   options.threads = common.threads;
   options.memory_bytes = words.memory_mib << 20;
 
+  std::unique_ptr<NatsQueue> queue;
+  if (words.executing == Executing::kManual) options.make_executor = MakeManualExecutor;
+  if (words.executing == Executing::kCluster) {
+    GLINT_ASSIGN_OR_RETURN(queue, NatsQueue::Connect(words.nats));
+    options.make_executor = MakeClusterExecutor(queue.get(), words.cluster);
+  }
   ProgressPrinter printer;
   Result<BakeReport> baked = Bake(words.scene, words.output, options,
                                   [&printer](const BakeProgress& progress) { printer(progress); });
@@ -82,57 +85,10 @@ Status RunBake(const BakeWords& words, const CommonWords& common) {
                 static_cast<unsigned long long>(report.directions),
                 1e-6 * static_cast<double>(report.archive_bytes), report.seconds);
   Log(LogLevel::kNote, "wrote " + words.output + " and " + words.output + ".json (" + summary + ")");
-  if (common.json) PrintJson(nlohmann::ordered_json::parse(report.json));
+  const auto full = nlohmann::ordered_json::parse(report.json);
+  if (report.error) Log(LogLevel::kNote, "relative error of relit pictures: " + ErrorLine(full["error"]));
+  if (common.json) PrintJson(full);
   return {};
-}
-
-void AddAccuracyWords(CLI::App& app, BakeWords& words) {
-  BakeOptions& options = words.options;
-  BakeSettings& settings = options.settings;
-  const auto add = [&app](const char* word, auto& value, const std::string& help) {
-    return app.add_option(word, value, help)->capture_default_str()->group("Accuracy and time");
-  };
-  add("--directions", words.directions, "View directions: one of " + GridSizes())->type_name("N");
-  add("--layers", options.max_layers, "Layers 0 to K: at most K indirect reflections")
-      ->check(CLI::Range(0, kMaxIndirectLayers))
-      ->type_name("K");
-  add("--tolerance", options.layer_tolerance,
-      "No further layer once one carries less than this part of the light")
-      ->check(NumberRange(0, 1))
-      ->type_name("X");
-  AddChoice<GatherMethod>(
-      app, "--gather", settings.method, {{"shared", GatherMethod::kShared}, {"paper", GatherMethod::kPaper}},
-      "shared (default): one set of rays per vertex; paper: the 2011 scheme, for comparison")
-      ->group("Accuracy and time");
-  add("--rays-per-kappa", settings.rays_per_kappa,
-      "shared: rays per vertex and unit of its sharpest lobe's kappa, at kappa 128; they grow as kappa^(3/4)")
-      ->check(NumberRange(0.01, 1e4))
-      ->type_name("X");
-  add("--max-rays", settings.max_rays, "shared: at most this many rays per vertex")
-      ->check(CLI::Range(settings.min_rays, 1 << 20))
-      ->type_name("N");
-  add("--paper-rays", settings.paper_rays, "paper: rays per slice and layer")
-      ->check(CLI::Range(1, 1 << 20))
-      ->type_name("N");
-  add("--lobes", settings.fit.max_lobes, "At most this many lobes for a material's highlight")
-      ->check(CLI::Range(1, kMaxBrdfLobes))
-      ->type_name("N");
-  add("--fit-tolerance", settings.fit.tolerance,
-      "No further lobe once the fit's relative error is below this")
-      ->check(NumberRange(0, 1))
-      ->type_name("X");
-  add("--slice-lobes", settings.slice_lobes,
-      "shared: a slice is stored as at most this many lobes for each of its material's")
-      ->check(CLI::Range(1, kMaxSliceLobes))
-      ->type_name("N");
-  add("--lobe-tolerance", settings.lobe_tolerance,
-      "shared: no further lobe of a slice for less than this error, relative to its light")
-      ->check(NumberRange(0, 1))
-      ->type_name("X");
-  add("--drop", settings.drop, "Leave out slices that change the light by less than this")
-      ->check(NumberRange(0, 1))
-      ->type_name("X");
-  add("--seed", settings.seed, "Seed of the random numbers")->type_name("N");
 }
 
 void AddMachineWords(CLI::App& app, BakeWords& words) {
@@ -150,15 +106,10 @@ void AddMachineWords(CLI::App& app, BakeWords& words) {
       ->check(CLI::Range(uint64_t{0}, uint64_t{1} << 32))
       ->type_name("MIB")
       ->group(group);
-  app.add_option("--vertices-per-task", options.vertices_per_task, "Size of tasks; 0: chosen")
-      ->type_name("N")
-      ->group(group);
-  app.add_option("--directions-per-task", options.directions_per_task, "Size of tasks; 0: all directions")
-      ->type_name("N")
-      ->group(group);
-  AddChoice<TableForm>(app, "--table", options.table_form,
-                       {{"compact", TableForm::kCompact}, {"classic", TableForm::kClassic}},
-                       "Form of the tables: compact (default) or classic")
+  AddChoice<Executing>(
+      app, "--executor", words.executing,
+      {{"local", Executing::kLocal}, {"manual", Executing::kManual}, {"cluster", Executing::kCluster}},
+      "Who runs tasks: local (default): this process; manual: 'glint run-task'; cluster: workers")
       ->group(group);
 }
 
@@ -171,8 +122,12 @@ Command AddBakeCommand(CLI::App& glint, CommonWords& common) {
   app.add_option("-o,--output", words->output, "Archive to write; the report goes to OUT.glint.json")
       ->required()
       ->type_name("OUT.glint");
-  AddAccuracyWords(app, *words);
+  AddAccuracyWords(app, words->options);
   AddMachineWords(app, *words);
+  AddTaskWords(app, words->options);
+  AddNatsWords(app, words->nats);
+  AddPriorityWord(app, words->cluster);
+  AddLeaseWord(app, words->cluster);
   AddCommonWords(app, common);
   app.footer(
       "Interrupted (Ctrl-C) or killed, the same command goes on where it was: finished tasks are in the work "
@@ -181,7 +136,9 @@ Command AddBakeCommand(CLI::App& glint, CommonWords& common) {
       "Examples:\n"
       "  glint bake teapot.glb -o teapot.glint\n"
       "  glint bake teapot.glb -o teapot.glint --layers 2 --directions 2562 --threads 4\n"
-      "  glint bake teapot.glb -o paper.glint --gather paper");
+      "  glint bake teapot.glb -o paper.glint --gather paper\n"
+      "  glint bake teapot.glb -o teapot.glint --executor cluster --work-dir /shared/bakes --nats "
+      "nats://queue:4222");
   return [words, &common] { return RunBake(*words, common); };
 }
 

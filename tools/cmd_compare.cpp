@@ -58,7 +58,8 @@ Status RunCompare(const CompareWords& words, const CommonWords& common) {
       const Comparison comparison,
       Compare(test, reference, {.mask = mask ? &*mask : nullptr, .block = words.block, .tone = words.tone}));
   if (!words.difference.empty()) {
-    GLINT_ASSIGN_OR_RETURN(Picture difference, FalseColorDifference(test, reference, mask ? &*mask : nullptr));
+    GLINT_ASSIGN_OR_RETURN(Picture difference,
+                           FalseColorDifference(test, reference, mask ? &*mask : nullptr));
     // Its colours are meant for the display as they are; writing a PNG encodes linear light.
     for (glm::vec4& pixel : difference.pixels) {
       for (int c = 0; c < 3; ++c) pixel[c] = SrgbToLinear(pixel[c]);
@@ -86,7 +87,8 @@ Command AddCompareCommand(CLI::App& glint, CommonWords& common) {
   app.add_option("--mask", words->mask,
                  "Count pixels that are white here (default: the reference's alpha > 0)")
       ->type_name("MASK.png");
-  app.add_option("--block", words->block, "Average blocks of N x N pixels first, which hides noise (FLIP and the number of pixels are "
+  app.add_option("--block", words->block,
+                 "Average blocks of N x N pixels first, which hides noise (FLIP and the number of pixels are "
                  "of the full picture)")
       ->check(CLI::Range(1, 4096))
       ->type_name("N");

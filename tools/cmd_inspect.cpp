@@ -184,6 +184,8 @@ std::string ToText(const Json& d) {
   out += "\nstored slices with 1, 2, ... lobes for one of their BRDF's\n";
   for (const Json& layer : d["layers"])
     Line(out, "%-6d %s", layer["layer"].get<int>(), Dump(layer["with_lobes"]).c_str());
+  const std::string error = ErrorTable(d["bake"].is_object() ? d["bake"].value("error", Json()) : Json());
+  if (!error.empty()) out += '\n' + error;
   Line(out, "\n%-6s %-18s %-8s %10s %8s %12s %8s %7s %12s", "layer", "table", "form", "rows", "columns",
        "stored", "density", "fill", "index bytes");
   for (const Json& layer : d["layers"]) {
@@ -205,8 +207,9 @@ std::string ToText(const Json& d) {
     Line(out, "%-28s %14llu %14llu", s["name"].get<std::string>().c_str(), s["stored_bytes"].get<Count>(),
          s["raw_bytes"].get<Count>());
   }
-  const Json& report = d["report"].is_object() ? d["report"] : d["bake"];
+  Json report = d["report"].is_object() ? d["report"] : d["bake"];
   if (report.is_object()) {
+    if (!error.empty()) report.erase("error");
     out += "\nbake report\n";
     PrintTree(out, report, 2);
   }

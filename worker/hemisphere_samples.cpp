@@ -8,7 +8,7 @@ namespace glint {
 namespace {
 
 /// Neighbouring cells are looked at again if what they send differs by more: part of a white mirror's light.
-constexpr float kUnlikeLight = 0.3f;
+constexpr float kUnlikeLight = 0.25f;
 
 bool Unlike(const HitLight& a, const HitLight& b) {
   const glm::vec3 moment = a.moment - b.moment;
@@ -39,6 +39,17 @@ inline void HemisphereSamples::AddSample(const glm::vec3& direction, float solid
   ++count_;
 }
 
+inline void HemisphereSamples::AddQuarter(const HemisphereLattice& lattice, int quarter, uint8_t outcome) {
+  const glm::vec3& direction = lattice.direction(1, quarter);
+  if (outcome < HitSet::kPair) {
+    AddSample(direction, lattice.solid_angle(1), outcome, -1);
+    return;
+  }
+  const int pair = outcome - HitSet::kPair;
+  const glm::vec3 sum = direction + lattice.direction(1, quarter + (pair & 2 ? 2 : 1));
+  AddSample(sum / glm::length(sum), 2 * lattice.solid_angle(1), pair & 1 ? HitSet::kHit : HitSet::kFree, -1);
+}
+
 void HemisphereSamples::Activate(int tile, const HemisphereLattice& lattice) {
   active_.Add(lattice.tile_cone(tile));
   active_tiles_.push_back(static_cast<uint16_t>(tile));
@@ -62,8 +73,7 @@ void HemisphereSamples::Expand(const HitSet& hits, const HemisphereLattice& latt
     const int first_cell = tile * HemisphereLattice::kTileCells;
     for (int c = first_cell; c < first_cell + HemisphereLattice::kTileCells; ++c) {
       if (outcome[c] == HitSet::kSplit) {
-        for (int q = 0; q < 4; ++q)
-          AddSample(lattice.direction(1, 4 * c + q), lattice.solid_angle(1), *quarter++, -1);
+        for (int q = 0; q < 4; ++q) AddQuarter(lattice, 4 * c + q, *quarter++);
       } else {
         AddSample(lattice.direction(0, c), lattice.solid_angle(0), outcome[c], c);
       }
@@ -133,7 +143,7 @@ void HemisphereSamples::LookAgain(const LatticePose& pose, const RayScene& rays,
       ray.direction = pose.frame.ToWorld(pose.lattice.direction(1, 4 * hit_cell_[h] + q));
     }
   found_.resize(rays_.size());
-  rays.IntersectCoherent(rays_.data(), found_.data(), static_cast<int>(rays_.size()));
+  rays.Intersect(rays_.data(), found_.data(), static_cast<int>(rays_.size()));
   queries_.clear();
   for (size_t i = 0; i < rays_.size(); ++i)
     if (found_[i].hit())

@@ -45,6 +45,7 @@ class HemisphereSamples {
 
  private:
   void AddSample(const glm::vec3& direction, float solid_angle, uint8_t outcome, int cell);
+  void AddQuarter(const HemisphereLattice& lattice, int quarter, uint8_t outcome);
   void Activate(int tile, const HemisphereLattice& lattice);
   void FindUnlikeCells(const HemisphereLattice& lattice);
   void LookAgain(const LatticePose& pose, const RayScene& rays, const LayerLight& light);

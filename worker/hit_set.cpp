@@ -33,14 +33,16 @@ SurfaceHit Quantize(const Hit& hit) {
 
 /// The samples of one level that a split parent has, or all cells.
 struct FanLevel {
-  std::vector<int> index;   ///< in the lattice, ascending
-  std::vector<int> traced;  ///< which of them have a ray of their own; the others have their parent's
+  std::vector<int> index;    ///< in the lattice, ascending
+  std::vector<int> traced;   ///< which of them have a ray of their own; the others have their parent's
+  std::vector<uint8_t> own;  ///< 1 for those
   std::vector<uint8_t> outcome;
   std::vector<Hit> hits;
 
   void Clear() {
     index.clear();
     traced.clear();
+    own.clear();
     outcome.clear();
     hits.clear();
   }
@@ -104,7 +106,7 @@ class Fan {
       rays[i].origin = side_.origin;
       rays[i].direction = frame_.ToWorld(lattice_.direction(level, l.index[l.traced[i]]));
     }
-    input_.rays.IntersectCoherent(rays.data(), found.data(), static_cast<int>(count));
+    input_.rays.Intersect(rays.data(), found.data(), static_cast<int>(count));
     for (size_t i = 0; i < count; ++i) {
       l.hits[l.traced[i]] = found[i];
       l.outcome[l.traced[i]] = Classify(rays[i].direction, found[i]);
@@ -146,7 +148,9 @@ class Fan {
       if (!(across_x[0] || across_x[1] || across_y[0] || across_y[1])) continue;
       l.outcome[i] = HitSet::kSplit;
       for (int q = 0; q < 4; ++q) {
-        if (across_x[q & 1] || across_y[q >> 1]) next.traced.push_back(static_cast<int>(next.index.size()));
+        const bool own = across_x[q & 1] || across_y[q >> 1];
+        if (own) next.traced.push_back(static_cast<int>(next.index.size()));
+        next.own.push_back(own);
         next.index.push_back(4 * l.index[i] + q);
         next.outcome.push_back(mine);
         next.hits.push_back(l.hits[i]);
@@ -199,7 +203,8 @@ class HitSetBuilder {
     for (size_t c = 0; c < cells.outcome.size(); ++c) {
       if (cells.outcome[c] == HitSet::kHit) set_.hits.push_back(Quantize(cells.hits[c]));
       if (cells.outcome[c] != HitSet::kSplit) continue;
-      for (int q = 0; q < 4; ++q) AddQuarter(quarters, quarter++);
+      AddQuarters(quarters, quarter);
+      quarter += 4;
     }
     for (int level = 0; level < HemisphereLattice::kLevels; ++level)
       set_.rays += fan_.level(level).traced.size();
@@ -208,6 +213,31 @@ class HitSetBuilder {
   }
 
  private:
+  void AddQuarters(const FanLevel& quarters, size_t first) {
+    const size_t begin = set_.outcome.size();
+    for (size_t i = first; i < first + 4; ++i) {
+      // A pair's second has what the first has, and adds nothing.
+      const int pair = PairedBefore(quarters, first, i);
+      if (pair == 0) {
+        AddQuarter(quarters, i);
+        continue;
+      }
+      uint8_t& before = set_.outcome[begin + (i - first) - static_cast<size_t>(pair)];
+      before = static_cast<uint8_t>(HitSet::kPair + (pair == 2 ? 2 : 0) + (before == HitSet::kHit));
+      set_.outcome.push_back(HitSet::kInvalid);
+    }
+  }
+
+  /// 1 or 2 places before quarter i, in its cell: a quarter that like it has its cell's hit; 0 if there is
+  /// none.
+  static int PairedBefore(const FanLevel& quarters, size_t first, size_t i) {
+    if (quarters.own[i] || quarters.outcome[i] == HitSet::kSplit) return 0;
+    for (size_t back = 1; back <= std::min<size_t>(2, i - first); ++back)
+      if (!quarters.own[i - back] && quarters.outcome[i - back] == quarters.outcome[i])
+        return static_cast<int>(back);
+    return 0;
+  }
+
   void AddQuarter(const FanLevel& quarters, size_t i) {
     uint8_t outcome = quarters.outcome[i];
     if (outcome == HitSet::kHit) set_.hits.push_back(Quantize(quarters.hits[i]));

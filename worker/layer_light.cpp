@@ -264,9 +264,19 @@ inline bool LayerLight::Orient(const LightQuery& query, Pending* hit) const {
   return true;
 }
 
-/// The grid directions around wo and the corners' weights; also fetches what tells where their entries are.
+/// The grid directions around wo and the corners' weights.
 inline void LayerLight::Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit) const {
-  const DirectionGrid::Location location = grid_.Locate(wo, hint);
+  if (LocateAround(wo, hint, hit)) return;
+  // As TransferReader: wo is under every corner's horizon, and the interpolated normal stands in.
+  glm::vec3 n(0);
+  for (int i = 0; i < 3; ++i) n += hit->barycentric[i] * vertices_[hit->triangle->vertex[i]].normal;
+  const float length2 = glm::dot(n, n);
+  LocateAround(length2 > 1e-20f ? n * (hit->side / std::sqrt(length2)) : hit->normal, hint, hit);
+}
+
+/// The same for any direction; also fetches what tells where the entries are. False if no corner has a slice.
+inline bool LayerLight::LocateAround(const glm::vec3& direction, uint32_t* hint, Pending* hit) const {
+  const DirectionGrid::Location location = grid_.Locate(direction, hint);
   const DirectionGrid::Cell& cell = grid_.cell(*hint);
   const Float4 x = Load(cell.x), y = Load(cell.y), z = Load(cell.z);
   const Float4 share = {location.weight[0], location.weight[1], location.weight[2], 0};
@@ -290,6 +300,7 @@ inline void LayerLight::Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit
     for (const uint32_t v : hit->triangle->vertex)
       __builtin_prefetch(vertices_[v].row + sizeof(uint64_t) * hit->word[j]);
   }
+  return hit->defined;
 }
 
 inline void LayerLight::FindEntries(Pending* hit) const {

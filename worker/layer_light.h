@@ -81,6 +81,7 @@ class LayerLight {
   void LookBatches(std::span<const LightQuery> queries, HitLight* out) const;
   bool Orient(const LightQuery& query, Pending* hit) const;
   void Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit) const;
+  bool LocateAround(const glm::vec3& direction, uint32_t* hint, Pending* hit) const;
   void FindEntries(Pending* hit) const;
   HitLight Evaluate(const Pending& hit) const;
   void AddDirect(const Sums& sums, const glm::vec3& weight, const glm::vec3& mu, float kappa,

@@ -76,6 +76,8 @@ class PaperGatherer : public Gatherer {
       CounterRng rng(settings_.seed, v, column | (static_cast<uint32_t>(k) << 16),
                      static_cast<uint32_t>(layer_));
       Trace(side, &rng, fan, [&](float a, float b) { return SampleVmf(drawn, a, b); });
+      if (fan->rays.empty())
+        TraceCosine(side, side.geometric, &rng, fan);  // all of the lobe is under the faces
       Merge(v, {slice.Direction(seen), seen.kappa}, fan, static_cast<uint16_t>(column), &result->slots[k],
             &result->counters);
     }
@@ -86,16 +88,20 @@ class PaperGatherer : public Gatherer {
     if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
     for (int s = 0; s < (input_.domain.double_sided[v] ? 2 : 1); ++s) {
       const VertexSide side = surface_.side(v, s == 1);
-      const Frame frame = Frame::FromNormal(side.normal);
       CounterRng rng(settings_.seed, v, 0xFFFF0000u | static_cast<uint32_t>(s),
                      static_cast<uint32_t>(layer_));
-      Trace(side, &rng, fan, [&](float a, float b) {
-        const float r = std::sqrt(a), phi = 2 * kPi * b;
-        return frame.ToWorld({r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - a)});
-      });
+      TraceCosine(side, side.normal, &rng, fan);
       const SliceLobe lobe{side.normal, kCosineKappa};
       Merge(v, lobe, fan, static_cast<uint16_t>(s), &result->slots.back(), &result->counters);
     }
+  }
+
+  void TraceCosine(const VertexSide& side, const glm::vec3& normal, CounterRng* rng, Fan* fan) const {
+    const Frame frame = Frame::FromNormal(normal);
+    Trace(side, rng, fan, [&](float a, float b) {
+      const float r = std::sqrt(a), phi = 2 * kPi * b;
+      return frame.ToWorld({r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - a)});
+    });
   }
 
   template <class Sample>
@@ -111,7 +117,7 @@ class PaperGatherer : public Gatherer {
         fan->rays.push_back(ray);
     }
     fan->hits.resize(fan->rays.size());
-    input_.rays.IntersectCoherent(fan->rays.data(), fan->hits.data(), static_cast<int>(fan->rays.size()));
+    input_.rays.Intersect(fan->rays.data(), fan->hits.data(), static_cast<int>(fan->rays.size()));
   }
 
   void Merge(uint32_t v, const SliceLobe& lobe, Fan* fan, uint16_t column, BlockRows* rows,

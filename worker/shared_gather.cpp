@@ -55,6 +55,7 @@ struct Side {
   SampleArrays arrays;
   float* lobe_weights;  ///< HitSet::lobe_weights
   float max_kappa;
+  glm::vec3 geometric;  ///< VertexSide::geometric
 };
 
 class SharedGatherer : public Gatherer {
@@ -114,8 +115,10 @@ class SharedGatherer : public Gatherer {
     side.samples = &samples;
     samples.Expand(hits, lattice);
     side.lobe_weights = hits.lobe_weights.data();
+    const VertexSide start = cache_.surface().side(v, s);
+    side.geometric = start.geometric;
     if (light_) {
-      const LatticePose pose{lattice, side.frame, cache_.surface().side(v, s).origin};
+      const LatticePose pose{lattice, side.frame, start.origin};
       const uint64_t rays = samples.Shade(hits, pose, input_.rays, *light_, kDark * settings_.drop);
       if (counters) counters->rays += rays;
     }
@@ -133,17 +136,23 @@ class SharedGatherer : public Gatherer {
     const UnoccludedSlice slice(sampler, side.frame.n, wo);
     for (int k = 0; k < sampler.lobes(); ++k) {
       const float fitted = slice.lobes.lobe[k].kappa, kappa = std::min(fitted, side.max_kappa);
-      const glm::vec3 local = side.frame.ToLocal(slice.Direction(slice.lobes.lobe[k]));
+      const glm::vec3 mu = slice.Direction(slice.lobes.lobe[k]), local = side.frame.ToLocal(mu);
       const float cosine = std::max(-1.0f, 1 - kCutoff / std::max(kappa, 1.0f));
       const QueryCone cone{local.x, local.y, local.z, cosine, std::sqrt(1 - cosine * cosine)};
+      const LobeWeight weight{local.x, local.y, local.z, kappa * kLog2E};
+      const bool sunk = glm::dot(mu, side.geometric) < 0 && SumDirect(side, cone, weight, scratch).all <= 0;
       const int active =
           light_ ? SelectActive(side, cone, scratch) : kernels_.any_tile(side.samples->active_cones(), cone);
-      if (active == 0) continue;
-      const LobeWeight weight{local.x, local.y, local.z, kappa * kLog2E};
+      if (active == 0 && !sunk) continue;
       const BrdfLobe seen = slice.Seen(sampler, k);
       const float resolution = std::min(kappa / std::max(fitted, 1e-6f), 1.0f);
       const SliceLobe lobe{slice.Direction(seen), seen.kappa, resolution};
       float& all = side.lobe_weights[column * static_cast<size_t>(input_.domain.max_lobes()) + k];
+      if (sunk) {  // no sample of it leaves the surface: what the surface sees is the best that is known
+        StoreCosine(side, lobe, 1 - DeltaFromKappa(lobe.resolved_kappa()), static_cast<uint16_t>(column),
+                    static_cast<uint32_t>(k), &all, scratch, result);
+        continue;
+      }
       if (!light_) {
         const DirectSums sums = SumDirect(side, cone, weight, scratch);
         all = sums.all;
@@ -175,16 +184,11 @@ class SharedGatherer : public Gatherer {
                           uint32_t slot, const Side& side, const List& list, Scratch* scratch,
                           BlockResult* result) const {
     const IndirectMoments moments = ToMoments(sums, all);
-    LightGroups groups;
-    if (layout_.slice_lobes > 1 && CanBeSplit(moments, lobe, settings_.lobe_tolerance)) {
+    const LightGroups groups = SplitLight(kernels_, moments, all, lobe, settings_.read_out(), [&] {
       LightList light = scratch->List(side.samples->samples());
       list(&light);
-      LightGroup total{Luminance(glm::vec3(moments.alpha)), moments.moment, moments.alpha};
-      const double least_between = settings_.lobe_tolerance / std::sqrt(total.strength);
-      groups = GroupLight(kernels_, light, total *= all, least_between);
-      for (LightGroup& group : groups) group *= 1.0 / all;
-      JoinLikeGroups(static_cast<int>(layout_.slice_lobes), settings_.lobe_tolerance, &groups);
-    }
+      return light;
+    });
     if (groups.size() < 2) {
       StoreIndirect(FitIndirect(lobe, moments, settings_.drop), column, &result->slots[slot]);
       return;
@@ -216,23 +220,29 @@ class SharedGatherer : public Gatherer {
     if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
     ++result->counters.slices;
     if (!side.samples->any_active()) return;
-    const SliceLobe lobe{side.frame.n, kCosineKappa};
     float& all = side.lobe_weights[input_.grid.size() * static_cast<size_t>(input_.domain.max_lobes())];
+    StoreCosine(side, {side.frame.n, kCosineKappa}, 2.0 / 3, static_cast<uint16_t>(s), layout_.specular, &all,
+                scratch, result);
+  }
+
+  /// Stores for a lobe what the cosine lobe's sums say.
+  /// @param all  of HitSet::lobe_weights
+  void StoreCosine(const Side& side, const SliceLobe& lobe, double mean_cosine, uint16_t column,
+                   uint32_t slot, float* all, Scratch* scratch, BlockResult* result) const {
     if (!light_) {
       const DirectSums sums = SumDirectCosine(side);
-      all = sums.all;
-      StoreDirect(FitDirect(lobe, ToMoments(sums, side, lobe.mu, 2.0 / 3), settings_.drop),
-                  static_cast<uint16_t>(s), &result->slots[layout_.specular]);
+      *all = sums.all;
+      StoreDirect(FitDirect(lobe, ToMoments(sums, side, lobe.mu, mean_cosine), settings_.drop), column,
+                  &result->slots[slot]);
     } else {
       const std::vector<uint16_t>& tiles = side.samples->active_tiles();
       IndirectSums sums;
       kernels_.indirect_cosine(side.arrays, tiles.data(), static_cast<int>(tiles.size()), &sums);
-      if (all < 0) all = SumDirectCosine(side).all;
+      if (*all < 0) *all = SumDirectCosine(side).all;
       const auto list = [&](LightList* out) {
         kernels_.list_cosine(side.arrays, tiles.data(), static_cast<int>(tiles.size()), out);
       };
-      StoreIndirectSlice(lobe, sums, all, static_cast<uint16_t>(s), layout_.specular, side, list, scratch,
-                         result);
+      StoreIndirectSlice(lobe, sums, *all, column, slot, side, list, scratch, result);
     }
   }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <vector>
@@ -17,8 +18,8 @@ struct VertexSide {
 
 /// Where and how rays leave the bake vertices. A vertex on a border often lies exactly on another surface (a
 /// floor's edge on a wall), where a ray would start on the wrong side or on no side at all; so origins are
-/// moved a little towards the middle of the faces around, within the tangent plane, and up by
-/// RayScene::epsilon().
+/// moved a little towards the middle of the faces around, within the tangent plane or up to the face that is
+/// above it there, and up by RayScene::epsilon().
 class SurfaceVertices {
  public:
   SurfaceVertices(const BakeDomain& domain, float epsilon);
@@ -37,10 +38,14 @@ class SurfaceVertices {
   float touch_distance(uint32_t vertex) const { return touch_[vertex]; }
 
  private:
+  void AverageCorners();
+  void RaiseOverFace(uint32_t triangle);
+
   const BakeDomain& domain_;
   float epsilon_;
   std::vector<glm::vec3> inset_, geometric_, face_normal_;
   std::vector<float> touch_;
+  std::vector<std::array<float, 2>> rise_;  ///< of the origin over the tangent plane: front, back
   std::vector<uint8_t> used_;
 };
 

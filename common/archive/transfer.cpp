@@ -295,7 +295,16 @@ void TransferReader::InterpolateReflectance(const std::array<float, 3>& barycent
 }
 
 void TransferReader::WeighCorners(TransferPoint* point) const {
-  const DirectionGrid::Location location = grid_.Locate(point->wo);
+  if (WeighCornersAround(point->wo, point)) return;
+  // Normals at odds with their face: wo is under the horizon of every corner. The slices for the direction of
+  // the interpolated normal n stand in; one of them is defined, as the sum of w_i n_i . n is |n|^2.
+  glm::vec3 n(0);
+  for (int i = 0; i < 3; ++i) n += point->vertex_weight[i] * domain_.normals[point->vertex[i]];
+  WeighCornersAround(NormalizeOr(point->back ? -n : n, point->normal), point);
+}
+
+bool TransferReader::WeighCornersAround(const glm::vec3& direction, TransferPoint* point) const {
+  const DirectionGrid::Location location = grid_.Locate(direction);
   point->column = location.index;
   const float side = point->back ? -1.0f : 1.0f;
   float total = 0;
@@ -310,6 +319,7 @@ void TransferReader::WeighCorners(TransferPoint* point) const {
   }
   const float scale = total > 0 ? 1 / total : 0;
   for (float& w : point->corner_weight) w *= scale;
+  return total > 0;
 }
 
 bool TransferReader::Prepare(uint32_t triangle, float u, float v, const glm::vec3& wo,

@@ -81,6 +81,8 @@ class TransferReader {
   bool OrientNormal(uint32_t triangle, const std::array<float, 3>& barycentric, TransferPoint* point) const;
   void InterpolateReflectance(const std::array<float, 3>& barycentric, TransferPoint* point) const;
   void WeighCorners(TransferPoint* point) const;
+  /// Corners' weights for the slices around `direction`. False if none of them is defined.
+  bool WeighCornersAround(const glm::vec3& direction, TransferPoint* point) const;
 
   /// The slice between three shapes (textured roughness): lobe k of each taken together.
   BrdfSlice BlendSlices(const std::array<uint32_t, 3>& vertex, const std::array<float, 3>& weight,

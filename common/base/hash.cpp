@@ -7,6 +7,16 @@
 
 namespace glint {
 
+namespace {
+
+int HexValue(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  return -1;
+}
+
+}  // namespace
+
 struct Hasher::Impl {
   EVP_MD_CTX* context = nullptr;
 
@@ -53,6 +63,17 @@ std::string Digest::Hex() const {
     hex.push_back(kDigits[byte & 15]);
   }
   return hex;
+}
+
+std::optional<Digest> Digest::FromHex(std::string_view hex) {
+  Digest digest;
+  if (hex.size() != 2 * digest.bytes.size()) return std::nullopt;
+  for (size_t i = 0; i < digest.bytes.size(); ++i) {
+    const int high = HexValue(hex[2 * i]), low = HexValue(hex[2 * i + 1]);
+    if (high < 0 || low < 0) return std::nullopt;
+    digest.bytes[i] = static_cast<uint8_t>(16 * high + low);
+  }
+  return digest;
 }
 
 Digest Sha256(std::span<const std::byte> bytes) {

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -19,6 +20,8 @@ struct Digest {
   auto operator<=>(const Digest&) const = default;
   /// 64 lower-case hexadecimal characters.
   std::string Hex() const;
+  /// The digest that Hex() gives this text for; none for any other text.
+  static std::optional<Digest> FromHex(std::string_view hex);
 };
 
 /// Incremental SHA-256. Fields are fed with their length or fixed width, so that two different sequences of

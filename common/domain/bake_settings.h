@@ -14,11 +14,18 @@ enum class GatherMethod : uint8_t {
   kPaper = 1,   ///< laurijssen2011: rays drawn from each slice's lobe, in every layer again
 };
 
+/// How slices are read out of what was gathered; BakeSettings has the meanings.
+struct ReadOut {
+  float drop = 0;
+  int slice_lobes = 1;
+  float lobe_tolerance = 0;
+};
+
 /// What a slice's value depends on, besides the scene and the layer before. Part of every task's key.
 struct BakeSettings {
   GatherMethod method = GatherMethod::kShared;
   int grid_level = 3;           ///< geodesic level of the view directions; 3: 642 of them
-  float rays_per_kappa = 5.5f;  ///< kShared: base rays per unit of the vertex's sharpest kappa, at kappa 128
+  float rays_per_kappa = 3.6f;  ///< kShared: base rays per unit of the vertex's sharpest kappa, at kappa 128
   int min_rays = 256;           ///< kShared: bounds on base rays per vertex
   int max_rays = 8192;
   /// kShared: rays are split in four, this often, where one is blocked and its neighbour is not; 0 .. 2
@@ -28,10 +35,10 @@ struct BakeSettings {
       1.0f / 1024;  ///< relative change of a slice below which it counts as free (layer 0) or nothing
   /// kShared: indirect light is read out as up to this many lobes for each of a slice's BRDF,
   /// 1 .. kMaxSliceLobes ...
-  int slice_lobes = kMaxSliceLobes;
+  int slice_lobes = 1;
   /// ... and no more once joining two of them loses less than this: the part of their common spread that lies
   /// between them, times the root of their part of the BRDF lobe's light
-  float lobe_tolerance = 0.1f;
+  float lobe_tolerance = 0.2f;
   uint64_t seed = 1;
   BrdfFitOptions fit;
 
@@ -40,6 +47,7 @@ struct BakeSettings {
   uint32_t StoredLobes(int layer) const {
     return layer == 0 || method == GatherMethod::kPaper ? 1 : static_cast<uint32_t>(slice_lobes);
   }
+  ReadOut read_out() const { return {drop, static_cast<int>(StoredLobes(1)), lobe_tolerance}; }
 };
 
 /// Feeds every field of the settings.

@@ -10,6 +10,7 @@
 
 #include "common/base/log.h"
 #include "common/base/parallel.h"
+#include "common/domain/bare_scene.h"
 
 namespace glint {
 namespace {
@@ -17,18 +18,6 @@ namespace {
 constexpr int kTile =
     8;  // pixels a side: a tile's rays are traced together and its look-ups share cache lines
 constexpr int kMaxSamples = 4096;
-
-/// What the ray scene needs of the archive's geometry.
-Scene BareScene(const BakeDomain& domain) {
-  Scene scene;
-  scene.positions = domain.positions;
-  scene.normals = domain.normals;
-  scene.triangles = domain.triangles;
-  scene.triangle_material.assign(domain.triangles.size(), 0);
-  scene.vertex_material.assign(domain.positions.size(), 0);
-  scene.materials.resize(1);
-  return scene;
-}
 
 /// The filtered environment, turned: directions in the world frame.
 class TurnedEnvironment {

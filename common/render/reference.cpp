@@ -11,10 +11,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/bend_normal.h"
-#include "common/base/frame.h"
 #include "common/base/log.h"
 #include "common/base/parallel.h"
+#include "common/domain/scatter_point.h"
 #include "common/render/pixel_samples.h"
 
 namespace glint {
@@ -48,29 +47,22 @@ class TurnedEnvironment {
 
 /// A path's vertex: everything that scattering there needs.
 struct PathVertex {
-  glm::vec3 position{0};
-  glm::vec3 face{0, 0, 1};  ///< unit face normal on wo's side
-  Frame frame;              ///< around the shading normal
-  glm::vec3 wo{0};          ///< in the frame
+  ScatterPoint point;
   Brdf brdf;
   const BrdfShape* shape = nullptr;  ///< set when lobes stand in for the BRDF
 
+  const glm::vec3& wo() const { return point.wo_local; }
   glm::vec3 Evaluate(const glm::vec3& wi) const {
-    return shape != nullptr ? EvaluateLobes(brdf, *shape, wo, wi) : EvaluateCosine(brdf, wo, wi);
+    return shape != nullptr ? EvaluateLobes(brdf, *shape, wo(), wi) : EvaluateCosine(brdf, wo(), wi);
   }
   float Pdf(const glm::vec3& wi) const {
-    return shape != nullptr ? PdfLobes(brdf, *shape, wo, wi) : PdfBrdf(brdf, wo, wi);
+    return shape != nullptr ? PdfLobes(brdf, *shape, wo(), wi) : PdfBrdf(brdf, wo(), wi);
   }
   BrdfSample Sample(float u_lobe, const glm::vec2& u) const {
-    return shape != nullptr ? SampleLobes(brdf, *shape, wo, u_lobe, u.x, u.y)
-                            : SampleBrdf(brdf, wo, u_lobe, u.x, u.y);
+    return shape != nullptr ? SampleLobes(brdf, *shape, wo(), u_lobe, u.x, u.y)
+                            : SampleBrdf(brdf, wo(), u_lobe, u.x, u.y);
   }
 };
-
-glm::vec3 Interpolate(const std::vector<glm::vec3>& values, const std::array<uint32_t, 3>& corner, float u,
-                      float v) {
-  return (1.0f - u - v) * values[corner[0]] + u * values[corner[1]] + v * values[corner[2]];
-}
 
 float BalanceWeight(float pdf, float other) { return pdf / (pdf + other); }
 
@@ -143,8 +135,8 @@ class PathTracer {
       const BrdfSample scattered =
           vertex.Sample(samples.Point(pair + 1, sample).x, samples.Point(pair + 2, sample));
       if (scattered.pdf <= 0 || scattered.weight == glm::vec3(0)) return radiance;
-      const glm::vec3 wi = glm::normalize(vertex.frame.ToWorld(scattered.wi));
-      if (glm::dot(wi, vertex.face) <= 0) return radiance;
+      const glm::vec3 wi = glm::normalize(vertex.point.frame.ToWorld(scattered.wi));
+      if (glm::dot(wi, vertex.point.face) <= 0) return radiance;
       beta *= scattered.weight;
       const Ray ray = RayFrom(vertex, wi);
       if (last) {
@@ -162,8 +154,8 @@ class PathTracer {
   glm::vec3 LightFromEnvironmentSample(const PathVertex& vertex, const glm::vec2& u) const {
     glm::vec3 incoming;
     const Environment::Sample sample = environment_.SampleDirection(u, &incoming);
-    if (!(sample.pdf > 0) || glm::dot(sample.direction, vertex.face) <= 0) return glm::vec3(0);
-    const glm::vec3 wi = vertex.frame.ToLocal(sample.direction);
+    if (!(sample.pdf > 0) || glm::dot(sample.direction, vertex.point.face) <= 0) return glm::vec3(0);
+    const glm::vec3 wi = vertex.point.frame.ToLocal(sample.direction);
     const glm::vec3 f = vertex.Evaluate(wi);
     if (f == glm::vec3(0) || rays_.Occluded(RayFrom(vertex, sample.direction))) return glm::vec3(0);
     return f * incoming * (BalanceWeight(sample.pdf, vertex.Pdf(wi)) / sample.pdf);
@@ -176,55 +168,23 @@ class PathTracer {
   }
 
   Ray RayFrom(const PathVertex& vertex, const glm::vec3& wi) const {
-    Ray ray;
-    ray.origin = vertex.position + vertex.face * rays_.epsilon();
-    ray.direction = wi;
-    return ray;
+    return vertex.point.Leaving(wi, rays_.epsilon());
   }
 
-  /// False where nothing is reflected: behind a single-sided surface, or where the face has no area.
+  /// False where nothing is reflected.
   bool MakeVertex(const Hit& hit, const glm::vec3& wo, PathVertex* vertex) const {
-    const std::array<uint32_t, 3>& corner = scene_.triangles[hit.triangle];
-    const glm::vec3& p0 = scene_.positions[corner[0]];
-    const glm::vec3 e1 = scene_.positions[corner[1]] - p0, e2 = scene_.positions[corner[2]] - p0;
-    const glm::vec3 cross = glm::cross(e1, e2);
-    const float area = glm::length(cross);
-    if (!(area > 0)) return false;
-    vertex->face = cross / area;
-    vertex->position = p0 + hit.u * e1 + hit.v * e2;
-    const bool behind = glm::dot(vertex->face, wo) < 0;
-    if (behind && !scene_.materials[scene_.triangle_material[hit.triangle]].double_sided) return false;
-
-    glm::vec3 normal = Interpolate(scene_.normals, corner, hit.u, hit.v);
-    const float length = glm::length(normal);
-    normal = length > 1e-6f ? normal / length : vertex->face;
-    if (behind) {
-      vertex->face = -vertex->face;
-      normal = -normal;
-    }
-    if (!(glm::dot(vertex->face, wo) > 0)) return false;  // exactly edge-on
-    vertex->frame = Frame::FromNormal(BendNormal(vertex->face, wo, normal));
-    vertex->wo = vertex->frame.ToLocal(wo);
-    if (!(vertex->wo.z > 0)) return false;
-    SetBrdf(hit, vertex);
-    return true;
-  }
-
-  void SetBrdf(const Hit& hit, PathVertex* vertex) const {
+    const bool double_sided = scene_.materials[scene_.triangle_material[hit.triangle]].double_sided;
+    if (!MakeScatterPoint(scene_.positions, scene_.normals, scene_.triangles[hit.triangle], double_sided, hit,
+                          wo, &vertex->point))
+      return false;
     if (domain_ == nullptr) {
       vertex->brdf = ToBrdf(EvaluateMaterial(scene_, hit.triangle, hit.u, hit.v));
-      return;
+    } else {
+      const DomainBrdf found = BrdfAt(*domain_, hit);
+      vertex->brdf = found.brdf;
+      vertex->shape = found.shape;
     }
-    // As the archive reads it: reflectances blend over the triangle. The shape is the nearest vertex's (where
-    // the three differ the archive blends their lobes, so that textured roughness has no steps).
-    const std::array<uint32_t, 3>& corner = domain_->triangles[hit.triangle];
-    const float w = 1.0f - hit.u - hit.v;
-    const uint32_t nearest = corner[w >= hit.u && w >= hit.v ? 0 : (hit.u >= hit.v ? 1 : 2)];
-    vertex->shape = &domain_->shapes[domain_->shape[nearest]];
-    vertex->brdf.model = vertex->shape->model;
-    vertex->brdf.shape = vertex->shape->shape;
-    vertex->brdf.specular = Interpolate(domain_->specular, corner, hit.u, hit.v);
-    vertex->brdf.diffuse = Interpolate(domain_->diffuse, corner, hit.u, hit.v);
+    return true;
   }
 
   const Scene& scene_;

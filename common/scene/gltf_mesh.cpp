@@ -283,6 +283,25 @@ void RepairNormals(MeshPart& part, MeshCounts& counts) {
   for (const uint32_t i : unusable) part.normals[i] = made[i];
 }
 
+// A normal that points to the back of every face around is the opposite of what the faces say, which decide
+// where the front is. Those that only lean over are left: there are reasons for that.
+void TurnNormalsToFronts(MeshPart& part, MeshCounts& counts) {
+  constexpr double kBackwards = -0.5;  // cosine: by more than 120 degrees
+  std::vector<uint8_t> kept(part.positions.size(), 0);
+  for (const auto& triangle : part.triangles) {
+    const glm::dvec3 a = part.positions[triangle[0]];
+    const glm::dvec3 cross =
+        glm::cross(glm::dvec3(part.positions[triangle[1]]) - a, glm::dvec3(part.positions[triangle[2]]) - a);
+    const double least = kBackwards * glm::length(cross);
+    for (const uint32_t i : triangle) kept[i] |= glm::dot(cross, glm::dvec3(part.normals[i])) > least;
+  }
+  for (size_t i = 0; i < kept.size(); ++i) {
+    if (kept[i]) continue;
+    part.normals[i] = -part.normals[i];
+    ++counts.turned_normals;
+  }
+}
+
 // Reads the used ones of `stored` vertices.
 Status ReadVertices(const Attributes& attributes, int uv_set, size_t stored,
                     const std::vector<uint32_t>& used, MeshPart& part) {
@@ -344,6 +363,7 @@ Result<MeshPart> ReadPrimitive(const GltfDocument& document, GltfBytes& bytes, s
   DropUnusedVertices(part, counts);
   if (attributes.has("NORMAL")) {
     RepairNormals(part, counts);
+    TurnNormalsToFronts(part, counts);
   } else {
     part.normals = AngleWeightedNormals(part.positions, part.triangles);
     counts.made_normals += part.positions.size();

@@ -18,6 +18,7 @@ struct MeshCounts {
   uint64_t degenerate_triangles = 0;
   uint64_t made_normals = 0;      ///< vertices of meshes without normals
   uint64_t repaired_normals = 0;  ///< vertices whose normal was zero or not of unit length
+  uint64_t turned_normals = 0;    ///< vertices whose normal pointed to the back of their faces
   uint64_t unused_vertices = 0;
   uint64_t skipped_primitives = 0;  ///< points and lines
 };

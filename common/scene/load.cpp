@@ -309,6 +309,7 @@ class Loader {
     note(counts_.unused_vertices, "vertices that no triangle uses were dropped");
     note(counts_.made_normals, "vertices had no normals; they were made");
     note(counts_.repaired_normals, "normals were zero or not of unit length; they were repaired");
+    note(counts_.turned_normals, "normals pointed to the back of their faces; they were turned over");
     note(counts_.skipped_primitives, "primitives of points or lines were left out");
     if (has_skin_) scene_.notes.push_back("skins are ignored: meshes stand in their bind pose");
   }

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "common/base/status.h"
@@ -34,7 +36,10 @@ class RayScene {
   /// Builds the tree. The order of primitives in it, and so which of two triangles a ray through their shared
   /// edge reports, can depend on the number of building threads; `build_threads` 0 therefore means one, the
   /// same tree everywhere. More threads are for those to whom that does not matter.
-  explicit RayScene(const Scene& scene, int build_threads = 0);
+  RayScene(std::span<const glm::vec3> positions, std::span<const std::array<uint32_t, 3>> triangles,
+           int build_threads = 0);
+  explicit RayScene(const Scene& scene, int build_threads = 0)
+      : RayScene(scene.positions, scene.triangles, build_threads) {}
   ~RayScene();
   RayScene(RayScene&&) noexcept;
   RayScene& operator=(RayScene&&) = delete;
@@ -46,8 +51,11 @@ class RayScene {
   Hit Intersect(const Ray& ray) const;
   /// True if anything lies in [t_near, t_far].
   bool Occluded(const Ray& ray) const;
-  /// Closest hits of `count` rays that start at one place and are sorted so that neighbours point to like
-  /// directions; traced eight at a time as coherent packets, so the result depends on these rays alone.
+  /// The same for `count` rays, one by one: for fans over a hemisphere and other rays that part soon.
+  void Intersect(const Ray* rays, Hit* hits, int count) const;
+  /// The same for rays that stay together, such as a camera's: eight at a time as coherent packets, whose
+  /// rays may influence each other's rounding. In a hemisphere of a few thousand rays packets are slower than
+  /// single rays.
   void IntersectCoherent(const Ray* rays, Hit* hits, int count) const;
 
   /// A distance that is surely above the rounding of positions here: offset rays' origins by it along the
@@ -63,6 +71,7 @@ class RayScene {
   std::unique_ptr<Impl> impl_;
   Status status_;
   float epsilon_ = 0;
+  float to_unit_ = 1;  ///< Embree's lengths over the scene's
 };
 
 }  // namespace glint

@@ -36,23 +36,10 @@ fs::path ShardedPath(const fs::path& root, const char* kind, const Digest& diges
 fs::path ChunkPath(const fs::path& root, const Digest& digest) { return ShardedPath(root, "chunks", digest); }
 fs::path RecordPath(const fs::path& root, const Digest& key) { return ShardedPath(root, "tasks", key); }
 
-int HexValue(char c) {
-  if (c >= '0' && c <= '9') return c - '0';
-  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-  return -1;
-}
-
 /// A record's digest; none if it is not exactly what PutResult writes.
 std::optional<Digest> ParseRecord(std::span<const std::byte> record) {
-  if (record.size() != kRecordBytes || record[64] != std::byte{'\n'}) return std::nullopt;
-  Digest digest;
-  for (size_t i = 0; i < digest.bytes.size(); ++i) {
-    const int high = HexValue(static_cast<char>(record[2 * i]));
-    const int low = HexValue(static_cast<char>(record[2 * i + 1]));
-    if (high < 0 || low < 0) return std::nullopt;
-    digest.bytes[i] = static_cast<uint8_t>(16 * high + low);
-  }
-  return digest;
+  if (record.size() != kRecordBytes || record.back() != std::byte{'\n'}) return std::nullopt;
+  return Digest::FromHex({reinterpret_cast<const char*>(record.data()), record.size() - 1});
 }
 
 Status PublishChunk(const fs::path& path, std::span<const std::byte> payload) {

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <sys/types.h>
+
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <vector>
@@ -23,5 +26,26 @@ struct ProcessSignal {
 /// standard input empty. exit_code 127: the program could not be started.
 ProcessResult RunProcess(const std::vector<std::string>& command,
                          const std::vector<std::string>& environment = {}, const ProcessSignal& stop = {});
+
+/// A process that runs beside the test; killed, if it still runs, and waited for on destruction.
+class BackgroundProcess {
+ public:
+  /// Standard output and error are appended to `log`.
+  BackgroundProcess(const std::vector<std::string>& command, const std::filesystem::path& log,
+                    const std::vector<std::string>& environment = {});
+  ~BackgroundProcess();
+  BackgroundProcess(const BackgroundProcess&) = delete;
+  BackgroundProcess& operator=(const BackgroundProcess&) = delete;
+
+  void Signal(int signal) const;
+  bool Running();
+  /// Waits for its end; its exit code, or minus the signal that ended it.
+  int Wait();
+
+ private:
+  pid_t pid_ = -1;
+  int status_ = -1;
+  bool ended_ = false;
+};
 
 }  // namespace glint

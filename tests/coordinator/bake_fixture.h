@@ -40,8 +40,11 @@ inline BakeOptions SmallOptions(GatherMethod method = GatherMethod::kShared) {
   options.settings.grid_level = 1;
   options.settings.max_rays = 512;
   options.settings.paper_rays = 8;
+  options.settings.slice_lobes = 3;
+  options.settings.lobe_tolerance = 0.02f;
   options.max_layers = 2;
   options.layer_tolerance = 0;
+  options.estimate_slices = 16;
   options.threads = 2;
   return options;
 }

@@ -43,8 +43,11 @@ TEST(RaySceneTest, CoherentPacketsEqualSingleRays) {
     const auto fan = Fan(scene.positions[vertex] + rays.epsilon() * n, n, 93);  // not a multiple of eight
     std::vector<Hit> packet(fan.size());
     rays.IntersectCoherent(fan.data(), packet.data(), static_cast<int>(fan.size()));
+    std::vector<Hit> each(fan.size());
+    rays.Intersect(fan.data(), each.data(), static_cast<int>(fan.size()));
     for (size_t i = 0; i < fan.size(); ++i) {
       const Hit single = rays.Intersect(fan[i]);
+      EXPECT_EQ(std::memcmp(&single, &each[i], sizeof single), 0);
       ASSERT_EQ(single.hit(), packet[i].hit());
       if (!single.hit()) continue;
       ++hits_seen;

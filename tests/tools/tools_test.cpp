@@ -29,8 +29,8 @@ std::string ReadText(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-const char* const kCommands[] = {"bake",    "render", "reference", "compare",    "chart",
-                                 "inspect", "verify", "scene",     "environment"};
+const char* const kCommands[] = {"bake",    "render", "reference", "compare", "chart",
+                                 "inspect", "verify", "estimate",  "scene",   "environment"};
 
 TEST(ToolsHelpTest, HelpShowsCommandsExamplesAndExitCodes) {
   const ProcessResult result = Glint({"--help"});
@@ -68,6 +68,9 @@ TEST(ToolsExitCodeTest, WrongWordsAreUsage) {
       {"--no-such-word"},
       {"verify", "--no-such-word"},
       {"verify"},
+      {"estimate"},
+      {"estimate", "a.glint", "--slices", "0"},
+      {"bake", "a.glb", "-o", (folder / "a.glint").string(), "--estimate", "-1"},
       {"render", "a.glint"},
       {"render", "a.glint", "-o", out, "--size", "10"},
       {"render", "a.glint", "-o", out, "--size", "0x10"},
@@ -202,6 +205,7 @@ TEST(ToolsWholeWayTest, SceneToArchiveToPicture) {
   EXPECT_EQ(inspected["layers"].size(), 2u);
   EXPECT_TRUE(inspected["report"].contains("seconds_by_stage"));
   EXPECT_TRUE(Contains(Glint({"inspect", archive}).out, "specular lobe 0"));
+  EXPECT_TRUE(Contains(bake.err, "relative error of relit pictures: 0.")) << bake.err;
 
   const std::vector<std::string> view{"--camera", "main", "--size", "48x32"};
   const auto with_view = [&view](std::vector<std::string> words) {
@@ -311,6 +315,21 @@ TEST_F(ToolsArchiveTest, LayersThatWouldCarryNothingAreNone) {
   EXPECT_EQ(ReadText(picture), ReadText(all));
   EXPECT_EQ(Render(picture, {"--layer", "7"}).exit_code, 0);
   EXPECT_NE(ReadText(picture), ReadText(all));
+}
+
+TEST_F(ToolsArchiveTest, AnEstimateOfAsManySlicesIsTheReports) {
+  ASSERT_EQ(Bake({"1", "--estimate", "40", "--seed", "7"}).exit_code, 0);
+  const ProcessResult result = Glint({"estimate", archive_, "--slices", "40", "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto estimate = nlohmann::json::parse(result.out);
+  EXPECT_EQ(estimate["slices"], 40);
+  EXPECT_EQ(estimate, nlohmann::json::parse(Glint({"inspect", archive_, "--json"}).out)["bake"]["error"]);
+  const std::string shown = Glint({"inspect", archive_}).out;
+  EXPECT_TRUE(Contains(shown, Glint({"estimate", archive_, "--slices", "40"}).out)) << shown;
+  EXPECT_EQ(Glint({"estimate", scene_}).exit_code, 3);
+
+  ASSERT_EQ(Bake({"1", "--estimate", "0"}).exit_code, 0);
+  EXPECT_FALSE(nlohmann::json::parse(Glint({"inspect", archive_, "--json"}).out)["bake"].contains("error"));
 }
 
 TEST_F(ToolsArchiveTest, ExtensionsMayBeInCapitals) {

@@ -17,7 +17,7 @@
 #include "common/base/parallel.h"
 #include "common/render/prefilter.h"
 #include "common/scene/ray_scene.h"
-#include "coordinator/local_executor.h"
+#include "worker/execution_id.h"
 #include "tools/chart/method.h"
 #include "tools/chart/page.h"
 #include "tools/chart/pareto.h"

@@ -38,6 +38,7 @@ template <GatherMethod kGather>
 Result<Record> BakeAndRender(const Task& task, const Settings& settings, const std::filesystem::path& work) {
   BakeOptions options = settings.bake;
   options.settings.method = kGather;
+  options.estimate_slices = 0;  // a point's error is measured
   options.threads = task.threads;
   const std::filesystem::path path = work / "point.glint";
   const double cpu_begin = ProcessorSeconds();

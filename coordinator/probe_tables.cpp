@@ -1,0 +1,76 @@
+#include "coordinator/probe_tables.h"
+
+#include "common/archive/lobe_codec.h"
+#include "common/archive/slice_table.h"
+#include "worker/slice_encoder.h"
+
+namespace glint {
+namespace {
+
+constexpr uint32_t kSides = 2;  ///< columns of a diffuse table
+
+std::vector<std::byte> MakeTable(const BlockRows& rows, uint32_t columns, uint32_t entry_bytes) {
+  SliceTableBuilder builder(static_cast<uint32_t>(rows.counts.size()), columns, entry_bytes);
+  size_t entry = 0;
+  for (const uint16_t count : rows.counts) {
+    builder.AppendRow(std::span(rows.columns).subspan(entry, count),
+                      std::span(rows.entries).subspan(entry * entry_bytes, count * entry_bytes));
+    entry += count;
+  }
+  return builder.Finish();
+}
+
+}  // namespace
+
+std::vector<IndirectLobe> ReadOutIndirect(const SliceLobe& lobe, const ReadOut& read_out, FanLight* light) {
+  const IndirectMoments moments = light->Moments();
+  std::vector<IndirectLobe> lobes;
+  for (const LightGroup& group : SplitLight(SelectGatherKernels(), moments, light->leaving, lobe, read_out,
+                                            [&] { return light->samples.List(); }))
+    lobes.push_back(IndirectLobeOf(lobe, group.Moments()));
+  if (lobes.size() > 1) return lobes;
+  const auto whole = FitIndirect(lobe, moments, read_out.drop);
+  return whole ? std::vector<IndirectLobe>{*whole} : std::vector<IndirectLobe>{};
+}
+
+ProbeTables::ProbeTables(int layers, int max_lobes, uint32_t columns, const ReadOut& read_out)
+    : columns_(columns),
+      read_out_(read_out),
+      indirect_layout_{static_cast<uint32_t>(max_lobes), static_cast<uint32_t>(read_out.slice_lobes)},
+      blocks_(layers) {
+  for (BlockResult& block : blocks_)
+    block.slots.resize(&block == blocks_.data() ? indirect_layout_.stride() : indirect_layout_.count());
+}
+
+void ProbeTables::BeginRow() {
+  for (BlockResult& block : blocks_)
+    for (BlockRows& rows : block.slots) rows.BeginRow();
+}
+
+void ProbeTables::Add(int slot, uint16_t column, const PathFan& fan, std::span<FanLight> indirect) {
+  const uint32_t first =
+      slot == PathFanTracer::kDiffuse ? indirect_layout_.specular : static_cast<uint32_t>(slot);
+  StoreDirect(FitDirect(fan.lobe, DirectMomentsOf(fan), read_out_.drop), column, &blocks_[0].slots[first]);
+  for (size_t layer = 1; layer < blocks_.size(); ++layer) {
+    BlockRows* rows = &blocks_[layer].slots[first];
+    for (const IndirectLobe& lobe : ReadOutIndirect(fan.lobe, read_out_, &indirect[layer])) {
+      StoreIndirect(lobe, column, rows);
+      rows += indirect_layout_.stride();
+    }
+  }
+}
+
+ProbeTables::LayerTables ProbeTables::Finish(int layer) const {
+  LayerTables tables;
+  const std::vector<BlockRows>& slots = blocks_[layer].slots;
+  const uint32_t entry_bytes = layer == 0 ? kDirectEntryBytes : kIndirectEntryBytes;
+  for (uint32_t slot = 0; slot < slots.size(); ++slot)
+    tables.bytes.push_back(
+        MakeTable(slots[slot], indirect_layout_.is_diffuse(slot) ? kSides : columns_, entry_bytes));
+  for (uint32_t slot = 0; slot < slots.size(); ++slot)
+    tables.views.Add(slot / indirect_layout_.stride(), indirect_layout_.is_diffuse(slot),
+                     *SliceTableView::Parse(tables.bytes[slot]));
+  return tables;
+}
+
+}  // namespace glint

@@ -1,0 +1,76 @@
+#include "coordinator/publish_round.h"
+
+#include <cstddef>
+#include <utility>
+
+#include "common/archive/archive.h"
+#include "common/archive/lobe_codec.h"
+#include "common/archive/slice_table.h"
+#include "common/base/files.h"
+#include "common/round/round_files.h"
+#include "worker/execution_id.h"
+
+namespace glint {
+namespace {
+
+RoundManifest MakeManifest(const ExecutorInput& bake, const Round& round) {
+  RoundManifest manifest;
+  manifest.execution = ExecutionId();
+  manifest.scene = bake.scene;
+  manifest.settings = bake.settings;
+  manifest.layer = round.tasks.front().layer;
+  if (round.previous) manifest.previous = round.previous->digest;
+  for (const TaskSpec& task : round.tasks) manifest.blocks.push_back(task.block);
+  return manifest;
+}
+
+/// Tables of a direct layer without entries. An archive's first layer is the direct one, which no round after
+/// the next one reads.
+std::vector<std::vector<std::byte>> EmptyDirectLayer(const ExecutorInput& bake) {
+  const auto slots = static_cast<uint32_t>(bake.domain.max_lobes()) + 1;
+  std::vector<std::vector<std::byte>> tables;
+  for (uint32_t slot = 0; slot < slots; ++slot) {
+    const uint32_t columns = slot + 1 < slots ? bake.grid.size() : 2;
+    tables.push_back(SliceTableBuilder(bake.domain.vertex_count(), columns, kDirectEntryBytes).Finish());
+  }
+  return tables;
+}
+
+/// An archive of the surface, and the layer before as its last layer.
+Status WriteInput(const ExecutorInput& bake, const RoundManifest& manifest, const Layer* previous) {
+  std::vector<std::vector<std::byte>> empty;
+  ArchiveContent content;
+  content.domain = &bake.domain;
+  content.grid_level = bake.grid.level();
+  content.archive_key = manifest.InputKey();
+  if (manifest.layer > 1) {
+    empty = EmptyDirectLayer(bake);
+    content.layer_bytes.emplace_back(empty.begin(), empty.end());
+  }
+  if (previous) content.layer_bytes.emplace_back(previous->slots.begin(), previous->slots.end());
+  const std::filesystem::path path = InputPath(bake.store.root(), manifest.InputKey());
+  GLINT_RETURN_IF_ERROR(CreateFolders(path.parent_path()));
+  return WriteArchive(path, content);
+}
+
+}  // namespace
+
+Result<Digest> PublishRound(const ExecutorInput& bake, const Round& round) {
+  const RoundManifest manifest = MakeManifest(bake, round);
+  if (manifest.blocks.size() > kMaxRoundTasks) {
+    return LimitExceeded(std::to_string(manifest.blocks.size()) + " tasks in a layer, more than " +
+                         std::to_string(kMaxRoundTasks) + "; make them larger (--vertices-per-task)");
+  }
+  GLINT_RETURN_IF_ERROR(WriteInput(bake, manifest, round.previous));
+  return WriteManifest(bake.store.root(), manifest);
+}
+
+std::vector<size_t> FindMissing(const ChunkStore& store, const Round& round) {
+  std::vector<size_t> missing;
+  for (size_t i = 0; i < round.tasks.size(); ++i) {
+    if (!store.FindResult(round.tasks[i].key)) missing.push_back(i);
+  }
+  return missing;
+}
+
+}  // namespace glint

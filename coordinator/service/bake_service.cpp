@@ -1,0 +1,368 @@
+#include "coordinator/service/bake_service.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <ctime>
+#include <new>
+#include <system_error>
+#include <tuple>
+#include <utility>
+
+#include "common/base/files.h"
+#include "common/base/log.h"
+#include "worker/execution_id.h"
+
+namespace glint {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kIdLength = 16;  ///< hexadecimal digits
+
+/// From the client's key, or else from the request: so that a request which is sent twice begins one bake.
+std::string MakeId(const BakeRequest& request) {
+  const std::string text = request.key.empty() ? ToJson(request) : request.key;
+  return Hasher()
+      .String(request.key.empty() ? "request" : "key")
+      .String(text)
+      .Finish()
+      .Hex()
+      .substr(0, kIdLength);
+}
+
+/// Names are labels in messages and reports.
+Status CheckName(const std::string& name) {
+  const bool plain =
+      !name.empty() && name.find('/') == std::string::npos &&
+      std::none_of(name.begin(), name.end(), [](char c) { return static_cast<unsigned char>(c) < 32; });
+  return plain ? Status() : BadInput("a scene's name is a file name without folders");
+}
+
+Result<int> LockStore(const fs::path& store) {
+  const fs::path path = store / "serve.lock";
+  const int fd = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  if (fd < 0) return IoError(path.string() + ": cannot open: " + std::generic_category().message(errno));
+  if (flock(fd, LOCK_EX | LOCK_NB) == 0) return fd;
+  const int error = errno;
+  close(fd);
+  if (error == EWOULDBLOCK)
+    return UsageError(store.string() + ": another 'glint serve' is at work on this store; use that one");
+  return IoError(path.string() + ": cannot lock: " + std::generic_category().message(error));
+}
+
+Status NoSuchBake(const std::string& id) {
+  return UsageError("there is no bake '" + id + "'; 'glint status' lists them");
+}
+
+bool HasEnded(BakeState state) {
+  return state == BakeState::kDone || state == BakeState::kFailed || state == BakeState::kCancelled;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<BakeService>> BakeService::Open(const ServiceOptions& options) {
+  for (const char* folder : {"scenes", "archives"})
+    GLINT_RETURN_IF_ERROR(CreateFolders(options.store / folder));
+  GLINT_ASSIGN_OR_RETURN(const int lock, LockStore(options.store));
+  Result<Journal> journal = Journal::Open(options.store / "journal.sqlite");
+  if (!journal.ok()) {
+    close(lock);
+    return journal.status();
+  }
+  std::unique_ptr<BakeService> service(new BakeService(options, std::move(journal).value(), lock));
+  GLINT_RETURN_IF_ERROR(service->TakeUp());
+  for (int i = 0; i < options.running; ++i)
+    service->runners_.emplace_back([s = service.get()] { s->RunBakes(); });
+  return service;
+}
+
+BakeService::~BakeService() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+  }
+  changed_.notify_all();
+  for (std::thread& runner : runners_) runner.join();
+  close(lock_);
+}
+
+Status BakeService::TakeUp() {
+  GLINT_ASSIGN_OR_RETURN(std::vector<JournalEntry> entries, journal_.Load());
+  for (JournalEntry& entry : entries) {
+    if (entry.state == BakeState::kRunning) entry.state = BakeState::kQueued;
+    Slot& slot = slots_[entry.id];
+    std::error_code error;
+    if (entry.state == BakeState::kDone)
+      slot.status.archive_bytes = fs::file_size(ArchivePath(entry.id), error);
+    slot.status.entry = std::move(entry);
+  }
+  return {};
+}
+
+// ---- Scenes ----
+
+fs::path BakeService::ScenePath(const Digest& digest) const {
+  const std::string hex = digest.Hex();
+  return options_.store / "scenes" / hex.substr(0, 2) / hex;
+}
+fs::path BakeService::ArchivePath(const std::string& id) const {
+  return options_.store / "archives" / (id + ".glint");
+}
+
+bool BakeService::HasScene(const Digest& digest) const {
+  std::error_code error;
+  return fs::is_regular_file(ScenePath(digest), error);
+}
+
+Status BakeService::PutScene(const Digest& digest, std::span<const std::byte> bytes) {
+  if (bytes.size() > options_.max_scene_bytes) {
+    return LimitExceeded("a scene of " + std::to_string(bytes.size()) + " bytes, more than this service's " +
+                         std::to_string(options_.max_scene_bytes) + " (glint serve --max-scene)");
+  }
+  if (Sha256(bytes) != digest)
+    return BadInput("the scene's bytes are not those of its digest; send it again");
+  const fs::path path = ScenePath(digest);
+  GLINT_RETURN_IF_ERROR(CreateFolders(path.parent_path()));
+  return PublishFile(path, bytes);
+}
+
+// ---- What clients ask for ----
+
+Result<BakeStatus> BakeService::Submit(const BakeRequest& request) {
+  GLINT_RETURN_IF_ERROR(CheckName(request.name));
+  const std::string id = MakeId(request);
+  const std::lock_guard lock(mutex_);
+  if (const auto known = slots_.find(id); known != slots_.end()) {
+    if (ToJson(known->second.status.entry.request) == ToJson(request)) return known->second.status;
+    return UsageError("the key '" + request.key + "' belongs to another request, bake " + id +
+                      "; choose another key");
+  }
+  if (slots_.size() >= options_.max_bakes) {
+    return LimitExceeded(std::to_string(slots_.size()) +
+                         " bakes are in the journal, no more fit; delete some");
+  }
+  if (!HasScene(request.scene))
+    return BadInput("the scene " + request.scene.Hex() + " is not in the store; upload it first");
+  Slot slot;
+  slot.status.entry = {id, request, BakeState::kQueued, {}, "", static_cast<int64_t>(std::time(nullptr))};
+  GLINT_RETURN_IF_ERROR(journal_.Put(slot.status.entry));
+  changed_.notify_all();
+  return slots_.emplace(id, std::move(slot)).first->second.status;
+}
+
+std::vector<BakeStatus> BakeService::List() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<BakeStatus> list;
+  for (const auto& [id, slot] : slots_) list.push_back(slot.status);
+  std::stable_sort(list.begin(), list.end(), [](const BakeStatus& a, const BakeStatus& b) {
+    return a.entry.submitted_unix < b.entry.submitted_unix;
+  });
+  return list;
+}
+
+Result<const BakeService::Slot*> BakeService::Find(const std::string& id) const {
+  const auto found = slots_.find(id);
+  return found == slots_.end() ? NoSuchBake(id) : Result<const Slot*>(&found->second);
+}
+Result<BakeService::Slot*> BakeService::Find(const std::string& id) {
+  const auto found = slots_.find(id);
+  return found == slots_.end() ? NoSuchBake(id) : Result<Slot*>(&found->second);
+}
+
+Result<BakeStatus> BakeService::Get(const std::string& id) const {
+  const std::lock_guard lock(mutex_);
+  GLINT_ASSIGN_OR_RETURN(const Slot* slot, Find(id));
+  return slot->status;
+}
+
+Result<BakeStatus> BakeService::Await(const std::string& id, uint64_t version,
+                                      std::chrono::milliseconds timeout) const {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, timeout, [&] {
+    const auto slot = slots_.find(id);
+    return ending_ || slot == slots_.end() || slot->second.status.version > version;
+  });
+  GLINT_ASSIGN_OR_RETURN(const Slot* slot, Find(id));
+  return slot->status;
+}
+
+Result<BakeStatus> BakeService::Cancel(const std::string& id) {
+  const std::lock_guard lock(mutex_);
+  GLINT_ASSIGN_OR_RETURN(Slot * slot, Find(id));
+  if (slot->status.entry.state == BakeState::kQueued)
+    GLINT_RETURN_IF_ERROR(Change(slot, BakeState::kCancelled));
+  slot->cancel = slot->status.entry.state == BakeState::kRunning;
+  return slot->status;
+}
+
+Result<BakeStatus> BakeService::Resume(const std::string& id) {
+  const std::lock_guard lock(mutex_);
+  GLINT_ASSIGN_OR_RETURN(Slot * slot, Find(id));
+  const BakeState state = slot->status.entry.state;
+  if (state == BakeState::kFailed || state == BakeState::kCancelled)
+    GLINT_RETURN_IF_ERROR(Change(slot, BakeState::kQueued));
+  return slot->status;
+}
+
+Status BakeService::Delete(const std::string& id) {
+  const std::lock_guard lock(mutex_);
+  GLINT_ASSIGN_OR_RETURN(const Slot* slot, std::as_const(*this).Find(id));
+  const JournalEntry entry = slot->status.entry;
+  if (!HasEnded(entry.state)) return UsageError("bake " + id + " has not ended; cancel it first");
+  // The journal first: what is left over after a kill is only space, never a bake without its files.
+  GLINT_RETURN_IF_ERROR(journal_.Remove(id));
+  slots_.erase(id);
+  std::error_code error;
+  fs::remove(ArchivePath(id), error);
+  fs::remove(ArchivePath(id).string() + ".json", error);
+  if (!Uses([&](const JournalEntry& e) { return e.request.scene == entry.request.scene; }))
+    fs::remove(ScenePath(entry.request.scene), error);
+  if (!entry.bake_key.empty() && !Uses([&](const JournalEntry& e) { return e.bake_key == entry.bake_key; }))
+    fs::remove_all(options_.store / entry.bake_key, error);
+  changed_.notify_all();
+  return {};
+}
+
+bool BakeService::Uses(const std::function<bool(const JournalEntry&)>& what) const {
+  return std::any_of(slots_.begin(), slots_.end(),
+                     [&](const auto& slot) { return what(slot.second.status.entry); });
+}
+
+Result<fs::path> BakeService::ResultFile(const std::string& id, bool report) const {
+  const std::lock_guard lock(mutex_);
+  GLINT_ASSIGN_OR_RETURN(const Slot* slot, Find(id));
+  if (slot->status.entry.state != BakeState::kDone) return UsageError("bake " + id + " is not done");
+  return fs::path(ArchivePath(id).string() + (report ? ".json" : ""));
+}
+
+// ---- Work ----
+
+void BakeService::RunBakes() {
+  for (;;) {
+    const std::string id = Next();
+    if (id.empty()) return;
+    RunOne(id);
+  }
+}
+
+/// Waits for a bake to run, and takes it: of the queued ones that with the highest priority, the oldest of
+/// those. Empty: the service ends.
+std::string BakeService::Next() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    if (ending_) return "";
+    Slot* best = nullptr;
+    const auto rank = [](const Slot& s) {
+      return std::tuple(-s.status.entry.request.priority, s.status.entry.submitted_unix);
+    };
+    for (auto& [id, slot] : slots_) {
+      if (slot.status.entry.state == BakeState::kQueued && (!best || rank(slot) < rank(*best))) best = &slot;
+    }
+    if (!best) {
+      changed_.wait(lock);
+      continue;
+    }
+    best->cancel = false;
+    if (const Status noted = Change(best, BakeState::kRunning); noted.ok()) return best->status.entry.id;
+    changed_.wait_for(lock, std::chrono::seconds(5));  // the journal cannot be written: a full disk may pass
+  }
+}
+
+void BakeService::RunOne(const std::string& id) {
+  const Result<BakeStatus> status = Get(id);
+  if (!status.ok()) return;
+  try {
+    NoteEnd(id, Bake(status->entry.request, id).status());
+  } catch (const std::bad_alloc&) {
+    NoteEnd(id, LimitExceeded("out of memory; run fewer bakes at a time, or use a larger machine"));
+  }
+}
+
+Result<BakeReport> BakeService::Bake(const BakeRequest& request, const std::string& id) {
+  BakeOptions options;
+  options.settings = request.settings;
+  options.max_layers = request.max_layers;
+  options.layer_tolerance = request.layer_tolerance;
+  options.table_form = request.table_form;
+  options.estimate_slices = request.estimate_slices;
+  options.vertices_per_task = request.vertices_per_task;
+  options.directions_per_task = request.directions_per_task;
+  options.threads = options_.threads;
+  options.memory_bytes = options_.memory_bytes;
+  options.work_dir = options_.store;
+  if (options_.make_executor) options.make_executor = options_.make_executor(request);
+  options.stop = [=, this] { return MustStop(id); };
+
+  NoteProgress(id, {"load", 0, 0, 0, 0});
+  GLINT_ASSIGN_OR_RETURN(std::vector<std::byte> bytes,
+                         ReadFile(ScenePath(request.scene), options_.max_scene_bytes));
+  // From memory: a file that a client sent names no other file.
+  GLINT_ASSIGN_OR_RETURN(const Scene scene, LoadSceneFromMemory(bytes, request.name));
+  bytes = {};
+  NoteKey(id, BakeKey(ExecutionId(), scene.content, request.settings));
+  return BakeScene(scene, request.name, ArchivePath(id), options,
+                   [=, this](const BakeProgress& progress) { NoteProgress(id, progress); });
+}
+
+bool BakeService::MustStop(const std::string& id) const {
+  const std::lock_guard lock(mutex_);
+  const auto slot = slots_.find(id);
+  return ending_ || slot == slots_.end() || slot->second.cancel;
+}
+
+void BakeService::NoteKey(const std::string& id, const Digest& bake_key) {
+  const std::lock_guard lock(mutex_);
+  Result<Slot*> slot = Find(id);
+  if (!slot.ok()) return;
+  (*slot)->status.entry.bake_key = bake_key.Hex();
+  if (const Status noted = journal_.Put((*slot)->status.entry); !noted.ok())
+    Log(LogLevel::kWarning, noted.message());  // only garbage collection would miss it
+}
+
+void BakeService::NoteProgress(const std::string& id, const BakeProgress& progress) {
+  const std::lock_guard lock(mutex_);
+  Result<Slot*> slot = Find(id);
+  if (!slot.ok()) return;
+  (*slot)->status.progress = progress;
+  ++(*slot)->status.version;
+  changed_.notify_all();
+}
+
+void BakeService::NoteEnd(const std::string& id, const Status& status) {
+  const std::lock_guard lock(mutex_);
+  Result<Slot*> found = Find(id);
+  // Stopped because the service ends: still running, as far as the journal goes.
+  if (!found.ok() || (ending_ && status.kind() == ErrorKind::kInterrupted)) return;
+  Slot* slot = *found;
+  std::error_code error;
+  if (status.ok()) slot->status.archive_bytes = fs::file_size(ArchivePath(id), error);
+  const bool cancelled = status.kind() == ErrorKind::kInterrupted;
+  const BakeState state = status.ok() ? BakeState::kDone
+                          : cancelled ? BakeState::kCancelled
+                                      : BakeState::kFailed;
+  Log(status.ok() || cancelled ? LogLevel::kNote : LogLevel::kWarning,
+      "bake " + id +
+          (status.ok() ? " is done"
+           : cancelled ? " is cancelled"
+                       : " failed: " + status.message()));
+  if (const Status noted = Change(slot, state, state == BakeState::kFailed ? status : Status()); !noted.ok())
+    Log(LogLevel::kWarning, noted.message() + "; the next service takes the bake up again");
+}
+
+/// In memory and in the journal.
+Status BakeService::Change(Slot* slot, BakeState state, Status error) {
+  JournalEntry entry = slot->status.entry;
+  entry.state = state;
+  entry.error = std::move(error);
+  const Status noted = journal_.Put(entry);
+  if (noted.ok() || HasEnded(state)) slot->status.entry = std::move(entry);
+  ++slot->status.version;
+  changed_.notify_all();
+  return noted;
+}
+
+}  // namespace glint

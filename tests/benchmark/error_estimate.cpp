@@ -1,0 +1,158 @@
+// The error that a bake estimates of itself beside that of relit pictures: scenes are baked, their archives
+// relit from all around under rotated environments, and compared with the path tracer on the same lobes.
+// Prints the table of docs/error-estimate.md, which defines both errors.
+//
+//   glint_benchmark_error_estimate [--scenes teapot,goblets] [--exponents 0] [--vertices 3000] [--layers 2]
+//                                  [--skies procedural:studio,procedural:sunset] [--views 8] [--size 96]
+//                                  [--spp 128] [--slices N] [--threads N] [--slice-lobes N]
+//                                  [--lobe-tolerance X]
+//
+// Exponent 0 keeps the scene's own materials. --slices: for an estimate of more slices than the bake's own.
+
+#include "coordinator/error_estimate.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <filesystem>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "common/archive/archive.h"
+#include "common/render/environment.h"
+#include "common/scene/generate.h"
+#include "coordinator/bake.h"
+#include "tests/coordinator/relit_error.h"
+
+namespace glint {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  std::vector<std::string> scenes = {"teapot", "goblets"};
+  std::vector<float> exponents = {0};
+  std::vector<std::string> skies = {"procedural:studio", "procedural:sunset"};
+  uint32_t vertices = 3000;
+  uint32_t slices = 0;
+  RelitOptions relit;
+  BakeOptions bake;
+};
+
+/// Prints what went wrong and ends the program.
+template <class T>
+T Need(Result<T> result) {
+  if (result.ok()) return std::move(result).value();
+  std::fprintf(stderr, "%s\n", result.status().message().c_str());
+  std::exit(1);
+}
+
+ErrorEstimate Estimate(const Scene& scene, const Archive& archive, const Arguments& args) {
+  const RayScene rays(scene);
+  EstimateOptions options;
+  options.slices = args.slices > 0 ? args.slices : DefaultEstimateSlices(archive.domain().vertex_count());
+  options.seed = args.bake.settings.seed;
+  options.read_out = args.bake.settings.read_out();
+  options.threads = args.bake.threads;
+  return Need(
+      EstimateError(archive.domain(), rays, DirectionGrid(archive.grid_level()), archive.layers(), options));
+}
+
+double CpuSeconds() {
+  timespec t{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+void PrintHead(const Arguments& args) {
+  std::printf("| scene | exponent | vertices | slices | bake, CPU s | estimate, CPU s | estimate |");
+  for (const std::string& sky : args.skies) std::printf(" %s |", fs::path(sky).stem().c_str());
+  std::printf(" pictures | ratio |\n|---|---|---|---|---|---|---|");
+  for (size_t i = 0; i < args.skies.size() + 2; ++i) std::printf("---|");
+  std::printf("\n");
+}
+
+void Run(const std::string& name, float exponent, const Arguments& args) {
+  const Scene scene = Need(GenerateScene(name, {args.vertices, exponent}));
+  const fs::path path = fs::temp_directory_path() / ("glint-estimate-" + std::to_string(getpid()) + ".glint");
+  const double begin = CpuSeconds();
+  Need(BakeScene(scene, name, path, args.bake));
+  const double baked = CpuSeconds();
+  const Archive archive = Need(Archive::Open(path));
+  const ErrorEstimate estimate = Estimate(scene, archive, args);
+  std::printf("| %s | %g | %u | %u | %.2f | %.2f | %.3f +- %.3f |", name.c_str(), exponent,
+              archive.domain().vertex_count(), estimate.slices, baked - begin, CpuSeconds() - baked,
+              estimate.all.rms, estimate.all.uncertainty);
+  double sum = 0;
+  for (const std::string& sky : args.skies) {
+    const double error = Need(RelitError(scene, archive, Need(Environment::Open(sky)), args.relit));
+    sum += error * error / static_cast<double>(args.skies.size());
+    std::printf(" %.3f |", error);
+    std::fflush(stdout);
+  }
+  std::printf(" %.3f | %.2f |\n", std::sqrt(sum), estimate.all.rms / std::sqrt(sum));
+  fs::remove(path);
+  fs::remove(path.string() + ".json");
+}
+
+std::vector<std::string> Split(const std::string& list) {
+  std::vector<std::string> parts;
+  std::stringstream stream(list);
+  for (std::string part; std::getline(stream, part, ',');) parts.push_back(part);
+  return parts;
+}
+
+Arguments Parse(int argc, char** argv) {
+  Arguments args;
+  args.bake.max_layers = 2;
+  args.bake.estimate_slices = 0;
+  for (int i = 1; i + 1 < argc; i += 2) {
+    const std::string key = argv[i], value = argv[i + 1];
+    if (key == "--scenes") {
+      args.scenes = Split(value);
+    } else if (key == "--exponents") {
+      args.exponents.clear();
+      for (const std::string& e : Split(value)) args.exponents.push_back(std::stof(e));
+    } else if (key == "--skies") {
+      args.skies = Split(value);
+    } else if (key == "--vertices") {
+      args.vertices = static_cast<uint32_t>(std::stoul(value));
+    } else if (key == "--layers") {
+      args.bake.max_layers = std::stoi(value);
+    } else if (key == "--views") {
+      args.relit.views = std::stoi(value);
+    } else if (key == "--size") {
+      args.relit.size = std::stoi(value);
+    } else if (key == "--spp") {
+      args.relit.samples = std::stoi(value);
+    } else if (key == "--slice-lobes") {
+      args.bake.settings.slice_lobes = std::stoi(value);
+    } else if (key == "--lobe-tolerance") {
+      args.bake.settings.lobe_tolerance = std::stof(value);
+    } else if (key == "--slices") {
+      args.slices = static_cast<uint32_t>(std::stoul(value));
+    } else if (key == "--threads") {
+      args.relit.threads = args.bake.threads = std::stoi(value);
+    } else {
+      std::fprintf(stderr, "unknown option %s\n", key.c_str());
+      std::exit(2);
+    }
+  }
+  return args;
+}
+
+}  // namespace
+}  // namespace glint
+
+int main(int argc, char** argv) {
+  const glint::Arguments args = glint::Parse(argc, argv);
+  glint::PrintHead(args);
+  for (const std::string& scene : args.scenes)
+    for (const float exponent : args.exponents) glint::Run(scene, exponent, args);
+  return 0;
+}

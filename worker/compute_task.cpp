@@ -1,0 +1,14 @@
+#include "worker/compute_task.h"
+
+#include "common/archive/chunk.h"
+
+namespace glint {
+
+Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store) {
+  const BlockResult result = gatherer.Gather(task.block);
+  // A message that came twice may have had it computed twice at once; what is there is not touched.
+  if (store->FindResult(task.key)) return {};
+  return store->PutResult(task.key, SerializeBlock(result)).status();
+}
+
+}  // namespace glint

@@ -1,0 +1,14 @@
+#pragma once
+
+#include "common/base/status.h"
+#include "common/round/task.h"
+#include "common/store/store.h"
+#include "worker/gather.h"
+
+namespace glint {
+
+/// Computes a task and publishes its chunk: the same bytes wherever it runs. `gatherer` has turned to the
+/// task's layer. Thread-safe; safe to repeat. kIo: the chunk cannot be written.
+Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store);
+
+}  // namespace glint
