@@ -176,7 +176,15 @@ Result<ErrorEstimate> Estimate(const BakeDomain& domain, const DirectionGrid& gr
   std::vector<LayerViews> views;
   for (const Layer& layer : layers) views.push_back(layer.views);
   return EstimateError(domain, rays, grid, views,
-                       {slices, options.settings.seed, options.settings.drop, threads});
+                       {slices, options.settings.seed, options.settings.read_out(), threads});
+}
+
+/// An archive's geometry holds at most three vertices a triangle. Scenes from files have no others.
+Status CheckVertices(const Scene& scene, const std::string& name) {
+  if (scene.positions.size() <= 3 * scene.triangles.size()) return {};
+  return BadInput(name + ": " + std::to_string(scene.positions.size()) + " vertices, more than its " +
+                  std::to_string(scene.triangles.size()) +
+                  " triangles can use; leave out those that no triangle uses");
 }
 
 /// @param begin, loaded  when the bake began, and when the scene was there
@@ -187,6 +195,7 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
     return UsageError("indirect layers: " + std::to_string(options.max_layers) + " is not 0 to " +
                       std::to_string(kMaxIndirectLayers));
   }
+  GLINT_RETURN_IF_ERROR(CheckVertices(scene, name));
   const int threads = ResolveThreadCount(options.threads);
   const Digest bake_key = BakeKey(ExecutionId(), scene.content, options.settings);
   const fs::path work_dir =
@@ -202,6 +211,7 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
 
   progress.Stage("fit");
   const BakeDomain domain = BuildBakeDomain(scene, options.settings.fit, threads);
+  report.notes.insert(report.notes.end(), domain.notes.begin(), domain.notes.end());
   const DirectionGrid grid(options.settings.grid_level, options.settings.BaseLevel());
   report.vertices = domain.vertex_count();
   report.triangles = domain.triangles.size();

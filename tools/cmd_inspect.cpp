@@ -183,11 +183,11 @@ std::string ToText(const Json& d) {
     if (layer.contains("slices"))
       Line(out, "%-6d %12llu %12llu %12llu %14.5f", layer["layer"].get<int>(), layer["slices"].get<Count>(),
            layer["stored"].get<Count>(), layer["absent"].get<Count>(), layer["relative_light"].get<double>());
-  const std::string error = ErrorTable(d["bake"].is_object() ? d["bake"].value("error", Json()) : Json());
-  if (!error.empty()) out += '\n' + error;
   out += "\nstored slices with 1, 2, ... lobes for one of their BRDF's\n";
   for (const Json& layer : d["layers"])
     Line(out, "%-6d %s", layer["layer"].get<int>(), Dump(layer["with_lobes"]).c_str());
+  const std::string error = ErrorTable(d["bake"].is_object() ? d["bake"].value("error", Json()) : Json());
+  if (!error.empty()) out += '\n' + error;
   Line(out, "\n%-6s %-18s %-8s %10s %8s %12s %8s %7s %12s", "layer", "table", "form", "rows", "columns",
        "stored", "density", "fill", "index bytes");
   for (const Json& layer : d["layers"]) {

@@ -13,7 +13,7 @@
 namespace glint {
 namespace {
 
-constexpr double kNarrow = 1;        ///< of the width that the unoccluded lobe has
+constexpr double kNarrow = 1;        ///< spread of one point's light, times the unoccluded lobe's kappa
 constexpr int kRounds = 2;           ///< of k-means; a third changes next to nothing
 constexpr int kPowerIterations = 4;  ///< the axes only start it
 constexpr float kLine = 0.5f;        ///< a spread whose second axis is shorter by this much is a line
@@ -99,11 +99,33 @@ void LightGroups::Join(int i, int j) {
   group_[j] = group_[--count_];
 }
 
+void LightSamples::Add(const glm::vec3& light, const glm::vec3& moment) {
+  const float values[LightList::kChannels] = {Luminance(light), moment.x, moment.y, moment.z,
+                                              light.x,          light.y,  light.z};
+  for (int c = 0; c < LightList::kChannels; ++c) {
+    channels_[c].resize(static_cast<size_t>(count_));
+    channels_[c].push_back(values[c]);
+  }
+  ++count_;
+  total_ += LightGroup{values[0], glm::dvec3(moment), glm::dvec3(light)};
+}
+
+LightList LightSamples::List() {
+  LightList list{};
+  const size_t padded = (static_cast<size_t>(count_) + kLanes - 1) / kLanes * kLanes;
+  for (int c = 0; c < LightList::kChannels; ++c) {
+    channels_[c].resize(padded, 0);
+    list.channel[c] = channels_[c].data();
+  }
+  list.count = static_cast<int>(padded);
+  return list;
+}
+
 bool CanBeSplit(const IndirectMoments& moments, const SliceLobe& lobe, double tolerance) {
   const double strength = Luminance(glm::vec3(moments.alpha));
-  if (!(std::sqrt(strength) > tolerance)) return false;
-  const double delta = 1 - glm::length(moments.moment) / strength;
-  return delta * lobe.resolved_kappa() > kNarrow;
+  if (!(strength > 0)) return false;
+  const double spread = (1 - glm::length(moments.moment) / strength) * lobe.resolved_kappa();
+  return spread > kNarrow && std::sqrt(strength) * (1 - kNarrow / spread) > tolerance;
 }
 
 LightGroups GroupLight(const GatherKernels& kernels, const LightList& list, const LightGroup& total,

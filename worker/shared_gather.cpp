@@ -221,16 +221,11 @@ class SharedGatherer : public Gatherer {
                           uint32_t slot, const Side& side, const List& list, Scratch* scratch,
                           BlockResult* result) const {
     const IndirectMoments moments = ToMoments(sums, all);
-    LightGroups groups;
-    if (layout_.slice_lobes > 1 && CanBeSplit(moments, lobe, settings_.lobe_tolerance)) {
+    const LightGroups groups = SplitLight(kernels_, moments, all, lobe, settings_.read_out(), [&] {
       LightList light = scratch->List(side.samples->samples());
       list(&light);
-      LightGroup total{Luminance(glm::vec3(moments.alpha)), moments.moment, moments.alpha};
-      const double least_between = settings_.lobe_tolerance / std::sqrt(total.strength);
-      groups = GroupLight(kernels_, light, total *= all, least_between);
-      for (LightGroup& group : groups) group *= 1.0 / all;
-      JoinLikeGroups(static_cast<int>(layout_.slice_lobes), settings_.lobe_tolerance, &groups);
-    }
+      return light;
+    });
     if (groups.size() < 2) {
       StoreIndirect(FitIndirect(lobe, moments, settings_.drop), column, &result->slots[slot]);
       return;

@@ -80,7 +80,7 @@ void Run(const Scene& scene, const std::string& name, float exponent, const std:
   const Archive archive = Need(Archive::Open(path));
   const ErrorEstimate error =
       Need(EstimateError(archive.domain(), RayScene(scene), archive.MakeGrid(), archive.layers(),
-                         {args.slices, options.settings.seed, options.settings.drop, options.threads}));
+                         {args.slices, options.settings.seed, options.settings.read_out(), options.threads}));
   uint64_t stored = 0;
   for (const LayerViews& layer : archive.layers())
     for (const SliceTableView& table : layer.specular) stored += table.entries();

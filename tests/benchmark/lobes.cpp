@@ -44,24 +44,11 @@ struct Lobe {
 /// A slice's samples: as lobes, and as the list that is grouped.
 struct Samples {
   std::vector<Lobe> lobes;
-  LightGroup total;
-  std::array<std::vector<float>, LightList::kChannels> channels;
+  LightSamples list;
 
   void Add(const glm::vec3& light, const glm::vec3& moment, const Vmf& vmf) {
     lobes.push_back({light, vmf});
-    total += {Luminance(light), glm::dvec3(moment), glm::dvec3(light)};
-    const float values[LightList::kChannels] = {Luminance(light), moment.x, moment.y, moment.z,
-                                                light.x,          light.y,  light.z};
-    for (int c = 0; c < LightList::kChannels; ++c) channels[c].push_back(values[c]);
-  }
-  LightList List() {
-    LightList list{};
-    for (int c = 0; c < LightList::kChannels; ++c) {
-      channels[c].resize((lobes.size() + kLanes - 1) / kLanes * kLanes, 0);
-      list.channel[c] = channels[c].data();
-    }
-    list.count = static_cast<int>(channels[0].size());
-    return list;
+    list.Add(light, moment);
   }
 };
 
@@ -181,7 +168,7 @@ class LobeBenchmark {
       result->light[i / kTurns] += truth[i] / kTurns;
       result->light2[i / kTurns] += truth[i] * truth[i] / kTurns;
     }
-    const LightGroups all = GroupLight(SelectGatherKernels(), samples->List(), samples->total, 0);
+    const LightGroups all = GroupLight(SelectGatherKernels(), samples->list.List(), samples->list.total(), 0);
     for (int n = 1; n <= kSchemes; ++n) {
       LightGroups groups = all;
       JoinLikeGroups(std::min(n, kMaxSliceLobes), n < kSchemes ? 0 : settings_.lobe_tolerance, &groups);

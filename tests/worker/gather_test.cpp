@@ -217,6 +217,7 @@ TEST(SharedGather, TwoFacingColouredLightsAreTwoLobes) {
   const Bench bench(FloorBetweenColouredWalls());
   BakeSettings settings;
   settings.grid_level = 2;
+  settings.slice_lobes = kMaxSliceLobes;
   settings.lobe_tolerance = 0.005f;  // the walls are a small part of a broad lobe
   const auto layers = GatherLayers(bench.input, settings, 2);
   settings.slice_lobes = 1;

@@ -3,10 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
-#include <vector>
 
 #include "common/base/frame.h"
 #include "common/base/rng.h"
@@ -15,16 +13,10 @@
 namespace glint {
 namespace {
 
-/// A list in the making, padded to whole groups of lanes.
-class Samples {
+class Samples : public LightSamples {
  public:
   void Add(float strength, const glm::vec3& direction, const glm::vec3& colour = glm::vec3(1)) {
-    const glm::vec3 moment = strength * direction;
-    const glm::vec3 light = strength / Luminance(colour) * colour;
-    const float values[LightList::kChannels] = {strength, moment.x, moment.y, moment.z,
-                                                light.x,  light.y,  light.z};
-    for (int c = 0; c < LightList::kChannels; ++c) channels_[c].push_back(values[c]);
-    total_ += LightGroup{strength, glm::dvec3(moment), glm::dvec3(light)};
+    LightSamples::Add(strength / Luminance(colour) * colour, strength * direction);
   }
   /// `count` directions drawn from a lobe, of strength 1 / count each.
   void AddLobe(const Vmf& lobe, int count, const glm::vec3& colour, uint64_t seed) {
@@ -34,20 +26,6 @@ class Samples {
       Add(1.0f / static_cast<float>(count), SampleVmf(lobe, u, v), colour);
     }
   }
-  LightList List() {
-    LightList list{};
-    for (int c = 0; c < LightList::kChannels; ++c) {
-      while (channels_[c].size() % kLanes != 0) channels_[c].push_back(0);
-      list.channel[c] = channels_[c].data();
-    }
-    list.count = static_cast<int>(channels_[0].size());
-    return list;
-  }
-  const LightGroup& total() const { return total_; }
-
- private:
-  std::array<std::vector<float>, LightList::kChannels> channels_;
-  LightGroup total_;
 };
 
 LightGroup Sum(const LightGroups& groups) {
@@ -190,6 +168,8 @@ TEST(LightGroupsTest, FaintOrNarrowLightIsNotLookedAt) {
   EXPECT_TRUE(can(0.5, 0.9));
   EXPECT_TRUE(can(0.5, 0));
   EXPECT_FALSE(can(0.5, 0.9999));
+  EXPECT_TRUE(can(0.5, 0.985));
+  EXPECT_FALSE(can(0.5, 0.989));  // hardly wider than the lobe
   EXPECT_FALSE(can(0.001, 0));
   EXPECT_FALSE(can(0, 0));
 }
