@@ -100,7 +100,6 @@ Arguments Parse(int argc, char** argv) {
   args.bake.max_layers = 2;
   args.bake.estimate_slices = 0;
   args.bake.threads = 1;
-  args.bake.settings.slice_lobes = 1;
   for (int i = 1; i + 1 < argc; i += 2) {
     const std::string key = argv[i], value = argv[i + 1];
     if (key == "--scenes") {
