@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <glm/geometric.hpp>
 #include <numeric>
@@ -14,7 +15,8 @@
 namespace glint {
 namespace {
 
-constexpr float kLightKappa = 64;  ///< lights are taken to be this sharp
+constexpr float kLightKappa = 64;   ///< lights are taken to be this sharp
+constexpr int kToleranceLevel = 3;  ///< that the tolerance is of
 
 }  // namespace
 
@@ -63,7 +65,7 @@ void AngularRefinement::Refine(const RefinedSide& side) {
       activated_[direction] = 0;
       if (!Above(side, direction)) continue;
       Compute(side, direction);
-      if (Misses(side, direction) && level < grid_.level() && level >= side.everywhere)
+      if (Misses(side, direction, level) && level < grid_.level() && level >= side.everywhere)
         Activate(direction, level);
     }
   }
@@ -130,14 +132,15 @@ AngularRefinement::Sums AngularRefinement::Predict(const RefinedSide& side, uint
 }
 
 /// Whether some slot's slice is not as predicted. Those that are give way to their predictions.
-bool AngularRefinement::Misses(const RefinedSide& side, uint32_t direction) {
+bool AngularRefinement::Misses(const RefinedSide& side, uint32_t direction, int level) {
+  const float tolerance2 = std::ldexp(tolerance2_, 2 * (level - kToleranceLevel));
   const float seen = side.kappa * kLightKappa / (side.kappa + kLightKappa);
   bool misses = false;
   for (uint32_t slot = 0; slot < static_cast<uint32_t>(side.lobes); ++slot) {
     Sums& value = value_[at(direction, slot)];
     const Sums predicted = Predict(side, direction, slot);
     const glm::vec3 alpha = predicted.alpha - value.alpha, moment = predicted.moment - value.moment;
-    if (glm::dot(alpha, alpha) / 3 + 0.5f * seen * glm::dot(moment, moment) > tolerance2_) {
+    if (glm::dot(alpha, alpha) / 3 + 0.5f * seen * glm::dot(moment, moment) > tolerance2) {
       misses = true;
     } else {
       state_[at(direction, slot)] = kPredicted;

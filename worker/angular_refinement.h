@@ -24,8 +24,10 @@ struct RefinedSide {
 
 /// Chooses which of a vertex's slices a nested grid's table holds (laurijssen2009 section 4, but by parts of
 /// the sphere). A slice is computed where the level is at most `everywhere`, or where one of the level
-/// before, close by, was not as predicted. It is stored where its distance from the prediction exceeds the
-/// tolerance:
+/// before, close by, was not as predicted. It is stored where its distance d from the prediction exceeds the
+/// tolerance, which doubles with every level (at that of 642 directions it is as given): what a finer
+/// direction corrects is a quarter of the area, so that of as many slices those are stored that take most out
+/// of the mean square of the error.
 ///
 ///   d^2 = (alpha - alpha')^2 + kappa_s / 2 |m - m'|^2
 ///
@@ -57,7 +59,7 @@ class AngularRefinement {
 
   bool Above(const RefinedSide& side, uint32_t direction) const;
   void Compute(const RefinedSide& side, uint32_t direction);
-  bool Misses(const RefinedSide& side, uint32_t direction);
+  bool Misses(const RefinedSide& side, uint32_t direction, int level);
   Sums Measure(uint32_t direction, uint32_t slot) const;
   const Sums& Value(const RefinedSide& side, uint32_t direction, uint32_t slot);
   Sums Predict(const RefinedSide& side, uint32_t direction, uint32_t slot);

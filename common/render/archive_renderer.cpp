@@ -131,7 +131,8 @@ ArchiveRenderer::ArchiveRenderer(const Archive& archive, const PrefilteredEnviro
                                  const ArchiveRenderOptions& options)
     : ArchiveRenderer(archive.domain(), archive.MakeGrid(), archive.layers(), environment, options) {}
 
-ArchiveRenderer::ArchiveRenderer(const BakeDomain& domain, DirectionGrid grid, std::span<const LayerViews> layers,
+ArchiveRenderer::ArchiveRenderer(const BakeDomain& domain, DirectionGrid grid,
+                                 std::span<const LayerViews> layers,
                                  const PrefilteredEnvironment& environment,
                                  const ArchiveRenderOptions& options)
     : impl_(std::make_unique<Impl>(domain, std::move(grid), layers, environment, options)) {}

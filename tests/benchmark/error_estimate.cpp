@@ -59,8 +59,7 @@ ErrorEstimate Estimate(const Scene& scene, const Archive& archive, const Argumen
   options.seed = args.bake.settings.seed;
   options.read_out = args.bake.settings.read_out();
   options.threads = args.bake.threads;
-  return Need(
-      EstimateError(archive.domain(), rays, archive.MakeGrid(), archive.layers(), options));
+  return Need(EstimateError(archive.domain(), rays, archive.MakeGrid(), archive.layers(), options));
 }
 
 double CpuSeconds() {

@@ -44,9 +44,8 @@ std::unique_ptr<Baked> BakeHere(const Scene& scene, const BakeOptions& options) 
 ErrorEstimate EstimateOf(const Archive& archive, uint32_t slices, int threads = 2,
                          const ReadOut& read_out = SmallOptions().settings.read_out()) {
   const RayScene rays(BareScene(archive.domain()));
-  Result<ErrorEstimate> estimate =
-      EstimateError(archive.domain(), rays, archive.MakeGrid(), archive.layers(),
-                    {slices, BakeSettings().seed, read_out, threads});
+  Result<ErrorEstimate> estimate = EstimateError(archive.domain(), rays, archive.MakeGrid(), archive.layers(),
+                                                 {slices, BakeSettings().seed, read_out, threads});
   EXPECT_TRUE(estimate.ok()) << estimate.status().message();
   return *estimate;
 }
