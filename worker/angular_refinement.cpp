@@ -52,9 +52,10 @@ void AngularRefinement::Refine(const RefinedSide& side) {
   const uint32_t base = DirectionGrid::SizeOf(grid_.base_level());
   for (uint32_t direction = 0; direction < base; ++direction)
     if (Above(side, direction)) Compute(side, direction);
+  const int everywhere = std::max(side.everywhere, grid_.base_level() + 1);
   next_.clear();
   for (int level = grid_.base_level() + 1; level <= grid_.level(); ++level) {
-    if (level <= side.everywhere) {
+    if (level <= everywhere) {
       active_.resize(DirectionGrid::SizeOf(level) - DirectionGrid::SizeOf(level - 1));
       std::iota(active_.begin(), active_.end(), DirectionGrid::SizeOf(level - 1));
     } else {
@@ -65,7 +66,7 @@ void AngularRefinement::Refine(const RefinedSide& side) {
       activated_[direction] = 0;
       if (!Above(side, direction)) continue;
       Compute(side, direction);
-      if (Misses(side, direction, level) && level < grid_.level() && level >= side.everywhere)
+      if (Misses(side, direction, level) && level < grid_.level() && level >= everywhere)
         Activate(direction, level);
     }
   }

@@ -15,7 +15,8 @@ namespace glint {
 struct RefinedSide {
   glm::vec3 normal;  ///< unit; directions above its horizon have slices
   int lobes = 0;     ///< specular lobes of the BRDF
-  /// Level up to which every direction is computed: the lobes see nothing that lies between its directions.
+  /// Level up to which every direction is computed, if that is beyond the one after the base level: the views
+  /// of its directions leave no gaps.
   int everywhere = 0;
   float kappa = 0;  ///< of the sharpest lobe
   /// Appends a direction's slices, as they would be stored.

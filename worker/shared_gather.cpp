@@ -29,11 +29,11 @@ namespace {
 constexpr float kLog2E = 1.44269504f;
 constexpr float kCutoff = 6;       ///< a lobe ends where its exponent is -6: 2.5e-3 of its weight lies beyond
 constexpr float kDark = 0.125f;    ///< light below this part of what is dropped is none
-constexpr float kWidthsApart = 2;  ///< directions at which all slices of a vertex are computed
+constexpr float kWidthsApart = 4;  ///< directions at which all slices of a vertex are computed
 constexpr float kKappaPerSample = 0.6f;  ///< a lattice of n samples resolves lobes up to about 0.6 n
 
-/// Level of the directions between which a lobe of this kappa, turning with the mirror direction, misses
-/// nothing that it could show: their distance is at most twice its width 1 / sqrt(kappa).
+/// Level of the directions whose views together see everything: a lobe of this kappa, turning with the mirror
+/// direction, sees up to twice its width 1 / sqrt(kappa) to each side.
 int LevelOfDetail(float kappa) {
   constexpr float kIcosahedronEdge = 1.1071487f;
   int level = 0;

@@ -101,6 +101,7 @@ void ExpectSameCells(std::span<const std::byte> want_bytes, const SliceTableView
 void ExpectHolds(const Archive& archive, const Content& c) {
   ExpectSameDomain(c.domain, archive.domain());
   EXPECT_EQ(archive.grid_level(), c.content.grid_level);
+  EXPECT_EQ(archive.MakeGrid().base_level(), c.content.grid_level);
   EXPECT_EQ(archive.report_json(), c.content.report_json);
   EXPECT_EQ(archive.archive_key(), c.content.archive_key);
   ASSERT_EQ(archive.cameras().size(), c.content.cameras.size());
@@ -125,7 +126,7 @@ void ExpectHolds(const Archive& archive, const Content& c) {
 }
 
 TEST_F(ArchiveTest, HoldsWhatWasWritten) {
-  for (const TableForm form : {TableForm::kCompact, TableForm::kClassic}) {
+  for (const TableForm form : {TableForm::kCompact, TableForm::kClassic, TableForm::kSegmented}) {
     Content c = MakeContent(300, 500, 3, 3, form);
     const auto bytes = Write(&c);
     for (const bool verify : {true, false}) {
@@ -253,7 +254,7 @@ TEST_F(ArchiveTest, OtherFilesAndVersionsAreNamed) {
 /// Behind the checksums: hostile values in headers and sections are refused or harmless. Run under
 /// AddressSanitizer for the full worth of it.
 TEST_F(ArchiveTest, ResealedDamageIsRefusedOrHarmless) {
-  for (const TableForm form : {TableForm::kCompact, TableForm::kClassic}) {
+  for (const TableForm form : {TableForm::kCompact, TableForm::kClassic, TableForm::kSegmented}) {
     Content c = MakeContent(9, 7, 2, 2, form);
     const auto good = Write(&c);
     int refused = 0, accepted = 0;
