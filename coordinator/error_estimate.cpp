@@ -117,7 +117,7 @@ Result<ErrorEstimate> EstimateError(const BakeDomain& domain, const RayScene& ra
                                     std::span<const LayerViews> layers, const EstimateOptions& options) {
   if (layers.empty()) return ErrorEstimate{};
   const int threads = ResolveThreadCount(options.threads);
-  const SliceTester tester(domain, rays, grid, layers, options.seed, options.drop);
+  const SliceTester tester(domain, rays, grid, layers, options.seed, options.read_out);
   const Slices slices = DrawSlices(tester, options.slices, threads);
   const double epsilon = Epsilon(tester, slices, threads);
   std::vector<SliceError> errors(slices.size());
