@@ -174,6 +174,7 @@ Result<ErrorEstimate> Estimate(const BakeDomain& domain, const DirectionGrid& gr
   const RayScene rays(domain.positions, domain.triangles, 1);
   GLINT_RETURN_IF_ERROR(rays.status());
   std::vector<LayerViews> views;
+  views.reserve(layers.size());
   for (const Layer& layer : layers) views.push_back(layer.views);
   return EstimateError(domain, rays, grid, views,
                        {slices, options.settings.seed, options.settings.read_out(), threads});

@@ -55,7 +55,7 @@ ErrorSummary Summarize(std::vector<double> square) {
   summary.rms = Root(mean);
   summary.uncertainty = Root(mean + std::sqrt(variance)) - summary.rms;
   std::sort(square.begin(), square.end());
-  summary.p95 = Root(square[static_cast<size_t>(0.95 * (count - 1) + 0.5)]);
+  summary.p95 = Root(square[static_cast<size_t>(std::lround(0.95 * (count - 1)))]);
   summary.worst = Root(square.back());
   return summary;
 }

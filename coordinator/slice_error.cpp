@@ -186,7 +186,7 @@ SliceError SliceTester::Test(const TestSlice& slice, double epsilon, bool causes
 }
 
 SliceError SliceTester::Compare(const Answers& answers, double epsilon, bool causes) const {
-  const auto& [first, second] = answers.light;
+  const auto &first = answers.light[0], &second = answers.light[1];
   std::array<SkyLight, kStages> all[kHalves];
   for (int half = 0; half < kHalves; ++half)
     for (int stage = 0; stage < kStages; ++stage) all[half][stage] = Sum(answers.light[half][stage]);

@@ -221,8 +221,9 @@ glm::vec3 Light(const LayerLobes& lobes) {
 TEST_F(TransferTest, ASlicesLobesAreReadAsTheyWereStored) {
   const uint32_t column = SlantedColumn();
   const glm::vec3 wo = grid_.direction(column), weight = Read(0, 0, 1, wo).lobe[0].alpha;
-  const IndirectLobe lobes[3] = {{{0.5f, 0.1f, 0.1f}, glm::normalize(glm::vec3(-1, 0.1f, 0)), 40},
-                                 {{0.1f, 0.3f, 0.1f}, glm::normalize(glm::vec3(-1, 0.3f, 0)), 60},
+  // Strongest first, as slices are stored.
+  const IndirectLobe lobes[3] = {{{0.1f, 0.3f, 0.1f}, glm::normalize(glm::vec3(-1, 0.3f, 0)), 60},
+                                 {{0.5f, 0.1f, 0.1f}, glm::normalize(glm::vec3(-1, 0.1f, 0)), 40},
                                  {{0.1f, 0.1f, 0.2f}, glm::normalize(glm::vec3(1, 0.1f, 0)), 20}};
   for (int i = 0; i < 3; ++i) SetIndirect({2, column}, lobes[i], i);
   const LayerLobes read = Read(1, 0, 1, wo);

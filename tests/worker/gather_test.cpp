@@ -255,7 +255,7 @@ TEST(SharedGather, TwoFacingColouredLightsAreTwoLobes) {
       EXPECT_LT(glm::distance(alpha, both.alpha), 2e-3f * glm::length(alpha));
     }
   }
-  EXPECT_GT(slices, 20);
+  EXPECT_GT(slices, 10);
 }
 
 }  // namespace
