@@ -72,7 +72,9 @@ TEST_P(NestedDirectionGridTest, LevelsFollowOneAnother) {
     for (uint32_t i = 0; i < own.size(); ++i) {
       const DirectionGrid::Location at = grid.Locate(own.direction(i));
       for (int k = 0; k < 3; ++k)
-        if (at.weight[k] > 0.5f) EXPECT_LT(at.index[k], own.size()) << "level " << level;
+        if (at.weight[k] > 0.5f) {
+          EXPECT_LT(at.index[k], own.size()) << "level " << level;
+        }
     }
   }
 }

@@ -79,7 +79,9 @@ TEST_F(AngularRefinementTest, WithoutToleranceEveryDirectionThatDiffersIsStored)
   for (uint32_t t = 0; t < grid_.triangles().size(); ++t)
     for (int i = 0; i < 3; ++i) {
       const glm::vec3& d = grid_.direction(grid_.triangles()[t][i]);
-      if (d.z > 0) ASSERT_NEAR(Read(result, t, i), Smooth(d), 1e-4);
+      if (d.z > 0) {
+        ASSERT_NEAR(Read(result, t, i), Smooth(d), 1e-4);
+      }
     }
 }
 
@@ -91,7 +93,9 @@ TEST_F(AngularRefinementTest, SmoothSlicesAreFewAndRightWithinTheTolerance) {
   for (uint32_t t = 0; t < grid_.triangles().size(); ++t)
     for (int i = 0; i < 3; ++i) {
       const glm::vec3& d = grid_.direction(grid_.triangles()[t][i]);
-      if (d.z > 0) ASSERT_NEAR(Read(result, t, i), Smooth(d), 3 * kTolerance);
+      if (d.z > 0) {
+        ASSERT_NEAR(Read(result, t, i), Smooth(d), 3 * kTolerance);
+      }
     }
 }
 
