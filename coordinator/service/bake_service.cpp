@@ -230,10 +230,11 @@ Status BakeService::Delete(const std::string& id) {
   fs::remove(ArchivePath(id).string() + ".json", error);
   if (!Uses([&](const JournalEntry& e) { return e.request.scene == entry.request.scene; }))
     fs::remove(ScenePath(entry.request.scene), error);
-  if (!entry.bake_key.empty() && !Uses([&](const JournalEntry& e) { return e.bake_key == entry.bake_key; }))
-    if (const Digest key = *Digest::FromHex(entry.bake_key);
-        !WorkFolder::RemoveUnused(options_.store, key).ok())
-      Log(LogLevel::kWarning, "the tasks of bake " + id + " stay until garbage is collected", {{"bake", id}});
+  const std::optional<Digest> key = Digest::FromHex(entry.bake_key);  // none: it did not get so far
+  if (key && !Uses([&](const JournalEntry& e) { return e.bake_key == entry.bake_key; })) {
+    if (const Result<bool> gone = WorkFolder::RemoveUnused(options_.store, *key); !gone.ok())
+      Log(LogLevel::kWarning, gone.status().message(), {{"bake", id}});
+  }
   changed_.notify_all();
   return {};
 }
@@ -262,45 +263,45 @@ Status BakeService::CheckStore() const { return CheckWritable(options_.store); }
 Garbage BakeService::CollectGarbage(std::chrono::seconds age) {
   const FileTime before = FileTime::clock::now() - age;
   Garbage removed;
-  CollectScenes(before, &removed);
-  CollectArchives(before, &removed);
+  removed.scenes = CollectFiles(
+      "scenes", before, [&](const fs::path& path) { return IsUnusedScene(path, before); }, &removed);
+  removed.results = CollectFiles(
+      "archives", before, [&](const fs::path& path) { return IsUnusedResult(path); }, &removed);
   CollectFolders(before, &removed);
   const std::lock_guard lock(mutex_);
   counts_.collected_bytes += removed.bytes;
   return removed;
 }
 
-void BakeService::CollectScenes(FileTime before, Garbage* removed) {
-  for (const fs::path& path : FilesOlderThan(options_.store / "scenes", before)) {
-    const uint64_t bytes = BytesIn(path);
-    const std::optional<Digest> digest = Digest::FromHex(path.filename().string());
-    // A bake may come to use it until the lock is there; who only asked for it has touched it since.
-    const std::lock_guard lock(mutex_);
-    std::error_code error;
-    const bool scene = digest && path == ScenePath(*digest) && fs::last_write_time(path, error) < before &&
-                       !Uses([&](const JournalEntry& e) { return e.request.scene == *digest; }) &&
-                       fs::remove(path, error);
-    const bool temporary = !digest && RemoveOrphan(path);
-    removed->scenes += scene;
-    removed->temporaries += temporary;
-    if (scene || temporary) removed->bytes += bytes;
-  }
+bool BakeService::IsUnusedScene(const fs::path& path, FileTime before) const {
+  const std::optional<Digest> digest = Digest::FromHex(path.filename().string());
+  std::error_code error;
+  // Once more, for who asked for it meanwhile has touched it.
+  return digest && path == ScenePath(*digest) && fs::last_write_time(path, error) < before &&
+         !Uses([&](const JournalEntry& e) { return e.request.scene == *digest; });
 }
 
-void BakeService::CollectArchives(FileTime before, Garbage* removed) {
-  for (const fs::path& path : FilesOlderThan(options_.store / "archives", before)) {
+bool BakeService::IsUnusedResult(const fs::path& path) const {
+  const std::string name = path.filename().string(), id = name.substr(0, name.find('.'));
+  const fs::path archive = ArchivePath(id);
+  const bool ours = path == archive || path.string() == archive.string() + ".json";
+  return ours && id.size() == kIdLength && slots_.count(id) == 0;
+}
+
+uint64_t BakeService::CollectFiles(const char* folder, FileTime before,
+                                   const std::function<bool(const fs::path&)>& is_unused, Garbage* removed) {
+  uint64_t count = 0;
+  for (const fs::path& path : FilesOlderThan(options_.store / folder, before)) {
     const uint64_t bytes = BytesIn(path);
-    const std::string name = path.filename().string(), id = name.substr(0, name.find('.'));
-    const fs::path archive = ArchivePath(id);
-    const std::lock_guard lock(mutex_);
+    const std::lock_guard lock(mutex_);  // no bake comes to use it between the question and the answer
     std::error_code error;
-    const bool ours = path == archive || path.string() == archive.string() + ".json";
-    const bool result = ours && id.size() == kIdLength && slots_.count(id) == 0 && fs::remove(path, error);
-    const bool temporary = !ours && RemoveOrphan(path);
-    removed->archives += result && path == archive;
+    const bool unused = is_unused(path) && fs::remove(path, error);
+    const bool temporary = !unused && RemoveOrphan(path);
+    count += unused;
     removed->temporaries += temporary;
-    if (result || temporary) removed->bytes += bytes;
+    if (unused || temporary) removed->bytes += bytes;
   }
+  return count;
 }
 
 void BakeService::CollectFolders(FileTime before, Garbage* removed) {
@@ -330,7 +331,7 @@ void BakeService::CollectRepeatedly() {
     const Garbage removed = CollectGarbage(options_.keep_unused);
     if (removed.bytes > 0 || removed.folders > 0) {
       Log(LogLevel::kNote, "removed what no bake needs: " + std::to_string(removed.scenes) + " scenes, " +
-                               std::to_string(removed.archives) + " archives, " +
+                               std::to_string(removed.results) + " archives and reports, " +
                                std::to_string(removed.folders) + " folders of tasks, " +
                                std::to_string(removed.temporaries) + " unfinished files; " +
                                std::to_string(removed.bytes >> 20) + " MiB");

@@ -43,7 +43,8 @@ struct ServiceOptions {
 
 /// What was removed from a store.
 struct Garbage {
-  uint64_t scenes = 0, archives = 0;
+  uint64_t scenes = 0;
+  uint64_t results = 0;      ///< archives and reports
   uint64_t folders = 0;      ///< of bakes' tasks
   uint64_t temporaries = 0;  ///< files that somebody was killed over
   uint64_t bytes = 0;
@@ -116,8 +117,12 @@ class BakeService {
   Result<Slot*> Find(const std::string& id);
   Result<const Slot*> Find(const std::string& id) const;
   void CollectRepeatedly();
-  void CollectScenes(FileTime before, Garbage* removed);
-  void CollectArchives(FileTime before, Garbage* removed);
+  bool IsUnusedScene(const std::filesystem::path& path, FileTime before) const;
+  bool IsUnusedResult(const std::filesystem::path& path) const;
+  /// Removes files below `folder` that are unused, asked under the lock, and those half written; how many of
+  /// the first.
+  uint64_t CollectFiles(const char* folder, FileTime before,
+                        const std::function<bool(const std::filesystem::path&)>& is_unused, Garbage* removed);
   void CollectFolders(FileTime before, Garbage* removed);
   bool Uses(const std::function<bool(const JournalEntry&)>& what) const;
   std::filesystem::path ScenePath(const Digest& digest) const;

@@ -20,7 +20,7 @@ for unit in "$2"/*.service; do
   }
   command="$(sed -n 's|^ExecStart=/usr/local/bin/glint \([a-z]*\).*|\1|p' "$unit")"
   "$glint" "$command" --help > "$folder/help"
-  for word in $(sed -n 's/^ExecStart=//p; s/^#.*_OPTIONS=//p' "$unit" | grep -o -e '--[a-z][a-z-]*'); do
+  sed -n 's/^ExecStart=//p; s/^#.*_OPTIONS=//p' "$unit" | grep -o -e '--[a-z][a-z-]*' | while read -r word; do
     if ! grep -q -e "$word" "$folder/help"; then
       echo "$name: 'glint $command' has no $word" >&2
       exit 1
