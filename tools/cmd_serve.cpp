@@ -42,38 +42,51 @@ std::string Describe(const ServeWords& words, int port) {
   std::string text = "listening on " + words.server.listen + " (port " + std::to_string(port) + "), ";
   text += words.server.cert_file.empty() ? "for programs on this machine only, unencrypted"
                                          : "for clients with a certificate";
-  if (words.server.tokens) text += " and a token";
+  if (!words.token_file.empty()) text += ", by token";
   const uint64_t usable = UsableMemory() >> 20;
-  return text + "; keeps up to " + std::to_string(words.memory_mib ? words.memory_mib : usable / 4) +
-         " MiB of hits of the " + std::to_string(usable) + " MiB that it may use";
+  text += "; may use " + std::to_string(usable) + " MiB of memory";
+  if (words.with_workers) return text;
+  return text + ", " + std::to_string(words.memory_mib ? words.memory_mib : usable / 4) +
+         " of them for hits kept between layers";
 }
 
-Status RunServe(ServeWords& words, const CommonWords& common) {
-  SetLogFormat(words.monitor.log_format);
+ServiceOptions MakeServiceOptions(const ServeWords& words, const CommonWords& common, NatsQueue* queue) {
   ServiceOptions options = words.service;
   options.threads = common.threads;
   options.memory_bytes = words.memory_mib << 20;
   options.max_scene_bytes = words.max_scene_mib << 20;
   options.keep_unused = std::chrono::seconds(static_cast<int64_t>(std::ceil(words.keep_unused_hours * 3600)));
+  if (!queue) return options;
+  options.make_executor = [cluster = words.cluster, queue](const BakeRequest& request) {
+    ClusterOptions own = cluster;
+    own.priority = request.priority;
+    return MakeClusterExecutor(queue, own);
+  };
+  return options;
+}
+
+Result<ServerOptions> MakeServerOptions(const ServeWords& words) {
+  ServerOptions options = words.server;
   if (!words.token_file.empty()) {
-    GLINT_ASSIGN_OR_RETURN(words.server.tokens, TokenList::Read(words.token_file));
+    GLINT_ASSIGN_OR_RETURN(options.tokens, TokenList::Read(words.token_file));
   }
+  return options;
+}
+
+Status RunServe(const ServeWords& words, const CommonWords& common) {
+  SetLogFormat(words.monitor.log_format);
   std::unique_ptr<NatsQueue> queue;
   if (words.with_workers) {
     GLINT_ASSIGN_OR_RETURN(queue, NatsQueue::Connect(words.nats));
-    options.make_executor = [&words, &queue](const BakeRequest& request) {
-      ClusterOptions cluster = words.cluster;
-      cluster.priority = request.priority;
-      return MakeClusterExecutor(queue.get(), cluster);
-    };
   }
-  GLINT_ASSIGN_OR_RETURN(const std::unique_ptr<BakeService> service, BakeService::Open(options));
-  GLINT_ASSIGN_OR_RETURN(const std::unique_ptr<GrpcServer> server,
-                         GrpcServer::Start(words.server, service.get()));
+  GLINT_ASSIGN_OR_RETURN(const ServerOptions options, MakeServerOptions(words));
+  GLINT_ASSIGN_OR_RETURN(const std::unique_ptr<BakeService> service,
+                         BakeService::Open(MakeServiceOptions(words, common, queue.get())));
+  GLINT_ASSIGN_OR_RETURN(const std::unique_ptr<GrpcServer> server, GrpcServer::Start(options, service.get()));
   GLINT_ASSIGN_OR_RETURN(const std::unique_ptr<MonitorServer> monitor,
                          StartMonitor(words.monitor, Watched(*service, queue.get())));
   Log(LogLevel::kNote, Describe(words, server->port()));
-  if (common.json) PrintJson({{"port", server->port()}, {"store", options.store.string()}});
+  if (common.json) PrintJson({{"port", server->port()}, {"store", words.service.store.string()}});
   while (!StopRequested()) std::this_thread::sleep_for(std::chrono::milliseconds(100));
   Log(LogLevel::kNote, "ending; bakes at work go on when the service is started again");
   return {};

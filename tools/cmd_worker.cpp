@@ -55,9 +55,10 @@ Status RunWorkerCommand(const WorkerWords& words, const CommonWords& common) {
   GLINT_ASSIGN_OR_RETURN(const std::unique_ptr<MonitorServer> monitor,
                          StartMonitor(words.monitor, Watched(meter, options, queue.get())));
   Log(LogLevel::kNote, "worker of " + std::to_string(options.threads) + " threads on " +
-                           options.store.string() + " for bakes of '" + ExecutionId() + "'; keeps up to " +
-                           std::to_string(options.memory_bytes >> 20) + " MiB of hits of the " +
-                           std::to_string(UsableMemory() >> 20) + " MiB that it may use");
+                           options.store.string() + " for bakes of '" + ExecutionId() + "'; may use " +
+                           std::to_string(UsableMemory() >> 20) + " MiB of memory, " +
+                           std::to_string(options.memory_bytes >> 20) +
+                           " of them for hits kept between layers");
   const WorkerCounts counts = RunWorker(queue.get(), options, &meter);
   Log(LogLevel::kNote, "worker ends: " + std::to_string(counts.computed) + " tasks computed, " +
                            std::to_string(counts.found) + " found done, " + std::to_string(counts.returned) +
