@@ -241,7 +241,10 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
   GLINT_RETURN_IF_ERROR(PublishFile(out_path.string() + ".json", std::as_bytes(std::span(report.json))));
   if (!options.keep_work) {
     // It can be large, and serves nobody any more; but the bake has not failed if it stays.
-    if (const Status removed = work.Remove(); !removed.ok()) Log(LogLevel::kWarning, removed.message());
+    // A folder that was named for others to share is where workers wait for the next bake.
+    const bool shared = !options.work_dir.empty() && options.make_executor;
+    if (const Status removed = work.Remove(!shared); !removed.ok())
+      Log(LogLevel::kWarning, removed.message());
   }
   return report;
 }

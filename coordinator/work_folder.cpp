@@ -101,13 +101,13 @@ WorkFolder::~WorkFolder() {
   if (lock_ >= 0) close(lock_);
 }
 
-Status WorkFolder::Remove() {
+Status WorkFolder::Remove(bool root_too) {
   const int lock = std::exchange(lock_, -1);
   const Result<bool> alone = LockForRemoval(lock, store_.root());
   Status removed = alone.status();
   if (alone.ok() && *alone) {  // otherwise the other bake removes it
     removed = RemoveContents(store_.root());
-    rmdir(root_.c_str());  // only if it is empty
+    if (root_too) rmdir(root_.c_str());  // only if it is empty
   }
   close(lock);
   return removed;

@@ -184,11 +184,12 @@ TEST_F(NatsRightsTest, BakesWithTheseRights) {
         "--nats",          options.url,  "--nats-ca",      options.ca_file, "--nats-cert",
         options.cert_file, "--nats-key", options.key_file, "--threads",     "1"};
   };
-  const auto command = [&](std::vector<std::string> command, const std::string& user) {
+  const auto command = [&](const std::vector<std::string>& own, const std::string& user) {
+    std::vector<std::string> all = {GLINT_PROGRAM};
     const std::vector<std::string> more = words(user);
-    command.insert(command.begin(), GLINT_PROGRAM);
-    command.insert(command.end(), more.begin(), more.end());
-    return command;
+    all.insert(all.end(), own.begin(), own.end());
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
   };
   const auto bake = [&](const std::string& out, const std::vector<std::string>& more) {
     std::vector<std::string> all = {"bake",
@@ -216,6 +217,7 @@ TEST_F(NatsRightsTest, BakesWithTheseRights) {
   ASSERT_EQ(baked.exit_code, 0) << baked.err;
   ASSERT_EQ(RunProcess(command(bake("local.glint", {}), "coordinator")).exit_code, 0);
   EXPECT_TRUE(BytesOf(folder_ / "cluster.glint") == BytesOf(folder_ / "local.glint"));
+  EXPECT_TRUE(fs::exists(store)) << "where the worker waits for the next bake";
   worker.Signal(SIGTERM);
   EXPECT_EQ(worker.Wait(), 0);
 }
