@@ -13,4 +13,7 @@ namespace glint {
 /// @param meter  null: nobody watches
 Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store, WorkerMeter* meter = nullptr);
 
+/// Its second half: publishes what the gatherer found.
+Status PublishResult(const TaskSpec& task, const BlockResult& result, ChunkStore* store);
+
 }  // namespace glint
