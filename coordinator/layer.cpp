@@ -13,13 +13,14 @@
 namespace glint {
 namespace {
 
-Result<BlockResult> ReadChunk(ChunkStore& store, const TaskSpec& task, uint32_t slots, uint32_t entry_bytes) {
+Result<BlockResult> ReadChunk(ChunkStore& store, const TaskSpec& task, const SlotLayout& layout,
+                              uint32_t entry_bytes) {
   const std::optional<Digest> digest = store.FindResult(task.key);
   if (!digest)
     return Mismatch("the result of task " + task.key.Hex() + " has vanished from " + store.root().string());
   auto parse = [&]() -> Result<BlockResult> {
     GLINT_ASSIGN_OR_RETURN(const std::vector<std::byte> payload, store.Get(*digest));
-    return ParseBlock(payload, task.block, slots, entry_bytes);
+    return ParseBlock(payload, task.block, layout, entry_bytes);
   };
   Result<BlockResult> block = parse();
   if (block.ok() || block.status().kind() == ErrorKind::kIo) return block;
@@ -30,11 +31,11 @@ Result<BlockResult> ReadChunk(ChunkStore& store, const TaskSpec& task, uint32_t 
 /// The blocks of all tasks. Chunks that are damaged are discarded, every one of them, before kMismatch is
 /// returned: one more run then mends them all.
 Result<std::vector<BlockResult>> ReadChunks(ChunkStore& store, std::span<const TaskSpec> tasks,
-                                            uint32_t slots, uint32_t entry_bytes, int threads) {
+                                            const SlotLayout& layout, uint32_t entry_bytes, int threads) {
   std::vector<BlockResult> blocks(tasks.size());
   std::vector<Status> status(tasks.size());
   ParallelFor(tasks.size(), threads, 1, [&](size_t i, int) {
-    Result<BlockResult> block = ReadChunk(store, tasks[i], slots, entry_bytes);
+    Result<BlockResult> block = ReadChunk(store, tasks[i], layout, entry_bytes);
     if (block.ok()) {
       blocks[i] = std::move(block).value();
     } else {
@@ -100,13 +101,16 @@ VertexEnergy MeasureVertex(const BakeDomain& domain, const DirectionGrid& grid, 
                            int layer_index, uint32_t v) {
   VertexEnergy energy;
   const Brdf brdf = domain.VertexBrdf(v);
-  auto add = [&](const SliceTableView& table, uint32_t column, double weight) {
-    const std::byte* entry = table.Find(v, column);
+  auto part = [&](const std::byte* entry) {
+    return double{layer_index == 0 ? DecodeDirect(entry).fraction : Luminance(DecodeIndirect(entry).alpha)};
+  };
+  auto add = [&](uint32_t slot, uint32_t column, double weight) {
+    const std::byte* entry = views.table(0, slot).Find(v, column);
     energy.unoccluded += weight;
-    if (layer_index == 0) {
-      energy.layer += weight * (entry ? DecodeDirect(entry).fraction : 1);
-    } else if (entry) {
-      energy.layer += weight * Luminance(DecodeIndirect(entry).alpha);
+    if (!entry) energy.layer += layer_index == 0 ? weight : 0;
+    for (uint32_t lobe = 1; entry; ++lobe) {
+      energy.layer += weight * part(entry);
+      entry = lobe < views.lobes() ? views.table(lobe, slot).Find(v, column) : nullptr;
     }
   };
   for (uint32_t column = 0; column < grid.size(); ++column) {
@@ -114,9 +118,9 @@ VertexEnergy MeasureVertex(const BakeDomain& domain, const DirectionGrid& grid, 
     if (cosine <= 0 && !domain.double_sided[v]) continue;
     const BrdfSlice slice = LookupSlice(domain.shapes[domain.shape[v]], std::abs(cosine));
     for (int k = 0; k < slice.lobes; ++k)
-      add(views.specular[k], column, Luminance(slice.lobe[k].Weight(domain.specular[v])));
+      add(static_cast<uint32_t>(k), column, Luminance(slice.lobe[k].Weight(domain.specular[v])));
     const float diffuse = Luminance(DiffuseAlbedo(brdf, std::abs(cosine)));
-    if (diffuse > 0) add(views.diffuse, cosine > 0 ? 0 : 1, diffuse);
+    if (diffuse > 0) add(views.diffuse_slot(), cosine > 0 ? 0 : 1, diffuse);
   }
   return energy;
 }
@@ -154,30 +158,28 @@ void HashRows(const SliceTableView& table, Hasher* hasher) {
 }  // namespace
 
 Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, const BakeDomain& domain,
-                         const DirectionGrid& grid, TableForm form, int threads) {
-  const auto slots = static_cast<uint32_t>(domain.max_lobes()) + 1;
+                         const DirectionGrid& grid, uint32_t slice_lobes, TableForm form, int threads) {
+  const SlotLayout layout{static_cast<uint32_t>(domain.max_lobes()), slice_lobes};
+  const uint32_t slots = layout.count();
   const int layer_index = tasks.front().layer;
   const uint32_t entry_bytes = layer_index == 0 ? kDirectEntryBytes : kIndirectEntryBytes;
   GLINT_ASSIGN_OR_RETURN(std::vector<BlockResult> blocks,
-                         ReadChunks(store, tasks, slots, entry_bytes, threads));
+                         ReadChunks(store, tasks, layout, entry_bytes, threads));
   Layer layer;
   for (const BlockResult& block : blocks) layer.counters += block.counters;
   layer.slots.resize(slots);
   ParallelFor(slots, threads, 1, [&](size_t i, int) {
     const auto slot = static_cast<uint32_t>(i);
-    layer.slots[slot] = BuildTable(tasks, blocks, slot, slot + 1 < slots ? grid.size() : 2,
+    layer.slots[slot] = BuildTable(tasks, blocks, slot, layout.is_diffuse(slot) ? 2 : grid.size(),
                                    domain.vertex_count(), entry_bytes, form);
   });
   Hasher hasher;
   for (uint32_t slot = 0; slot < slots; ++slot) {
     GLINT_ASSIGN_OR_RETURN(SliceTableView view, SliceTableView::Parse(layer.slots[slot]));
-    layer.stored += view.entries();
+    const uint32_t lobe = slot / layout.stride();
+    layer.stored[lobe] += view.entries();
     HashRows(view, &hasher);
-    if (slot + 1 < slots) {
-      layer.views.specular.push_back(view);
-    } else {
-      layer.views.diffuse = view;
-    }
+    layer.views.Add(lobe, layout.is_diffuse(slot), view);
   }
   layer.digest = hasher.Finish();
   layer.energy = MeasureEnergy(domain, grid, layer.views, layer_index, threads);
