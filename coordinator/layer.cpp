@@ -70,6 +70,7 @@ uint32_t ChooseEntryBytes(std::span<const TaskSpec> tasks, std::span<const Block
   constexpr uint32_t kVertices = 1024;
   constexpr double kFixed = 0x1p32, kMost = 16;  // room for 2^28 entries
   const uint32_t stride = std::max(vertices / kVertices, 1u);
+  if (tolerance <= 0) return kDirectEntryBytes;
   for (const uint32_t bytes : kEntryBytes) {
     if (bytes == kDirectEntryBytes) break;
     uint64_t sum = 0, entries = 0;
@@ -239,9 +240,10 @@ Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, con
   ParallelFor(slots, threads, 1, [&](size_t i, int) {
     const auto slot = static_cast<uint32_t>(i);
     const bool specular = !layout.is_diffuse(slot);
-    layer.slots[slot] =
-        BuildTable(tasks, blocks, slot, specular ? grid.size() : 2, domain.vertex_count(), layer_index == 0,
-                   settings.bits_tolerance, grid.nested() && specular ? nested : form);
+    // Diffuse entries are few, and their light is broad: a bias would show.
+    const float tolerance = specular ? settings.bits_tolerance : 0;
+    layer.slots[slot] = BuildTable(tasks, blocks, slot, specular ? grid.size() : 2, domain.vertex_count(),
+                                   layer_index == 0, tolerance, grid.nested() && specular ? nested : form);
   });
   Hasher hasher;
   for (uint32_t slot = 0; slot < slots; ++slot) {

@@ -113,7 +113,7 @@ struct IndirectBits {
 };
 inline constexpr int kExponentBits = 5, kExponentBias = 15;
 inline constexpr DirectBits kDirect8{12, 13, 13}, kDirect6{9, 9, 10};
-inline constexpr IndirectBits kIndirect8{9, 10, 12}, kIndirect6{6, 8, 9};
+inline constexpr IndirectBits kIndirect8{8, 12, 11}, kIndirect6{5, 9, 10};
 static_assert(kDirect8.fraction + kDirect8.ratio + 3 * kDirect8.shift == 64);
 static_assert(kDirect6.fraction + kDirect6.ratio + 3 * kDirect6.shift == 48);
 static_assert(3 * kIndirect8.alpha + kExponentBits + 2 * kIndirect8.mu + kIndirect8.kappa == 64);
