@@ -90,7 +90,7 @@ Status WorkFolder::Remove() {
     return Failed(store_.root(), "lock it, so it stays; remove it once no bake needs it", error);
   }
   std::error_code error;
-  for (const char* part : {"chunks", "tasks", "rounds", "inputs", "failed"}) {
+  for (const char* part : {"chunks", "tasks", "rounds", "plans", "inputs", "failed"}) {
     fs::remove_all(store_.root() / part, error);
     if (error) break;
   }

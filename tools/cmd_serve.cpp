@@ -81,6 +81,7 @@ Command AddServeCommand(CLI::App& glint, CommonWords& common) {
                  "Certificate that clients' are signed with (PEM)")
       ->type_name("FILE");
   AddNatsWords(app, words->nats);
+  AddReplicasWord(app, words->nats);
   AddLeaseWord(app, words->cluster);
   AddCommonWords(app, common);
   app.footer(

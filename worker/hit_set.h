@@ -45,6 +45,9 @@ struct HitSet {
   }
 };
 
+/// Side of the lattice that serves a shape; its square is the number of base rays of a vertex.
+int LatticeSide(const BrdfShape& shape, const BakeSettings& settings);
+
 /// Traces and keeps hit sets. Thread-safe; what does not fit into the memory bound is traced again when it is
 /// needed.
 class HitSetCache {
