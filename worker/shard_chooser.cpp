@@ -31,14 +31,20 @@ void ShardChooser::Update(std::span<const uint64_t> waiting) {
   for (size_t i = 0; i < shards_.size(); ++i) shards_[i].waiting = i < waiting.size() ? waiting[i] : 0;
 }
 
-void ShardChooser::Took(uint32_t shard) {
+void ShardChooser::Took(const TaskMessage& task) {
   const std::lock_guard lock(mutex_);
-  if (shards_[shard].waiting > 0) --shards_[shard].waiting;
+  if (round_ != task.manifest) Forget();
+  round_ = task.manifest;
+  if (shards_[task.shard].waiting > 0) --shards_[task.shard].waiting;
 }
 
-void ShardChooser::FoundEmpty(uint32_t shard) {
+void ShardChooser::FoundEmpty() {
   const std::lock_guard lock(mutex_);
-  shards_[shard].waiting = 0;
+  Forget();
+}
+
+void ShardChooser::Forget() {
+  for (Shard& shard : shards_) shard.waiting = 0;
 }
 
 void ShardChooser::Keep(const GatherBlock& block, uint32_t vertices) {

@@ -34,13 +34,16 @@ class ShardChooser {
   Choice Choose() const;
   /// How many messages wait in each line, as the queue says.
   void Update(std::span<const uint64_t> waiting);
-  /// A task came from a line, or none did.
-  void Took(uint32_t shard);
-  void FoundEmpty(uint32_t shard);
+  /// A task came. What was known to wait is forgotten when it is the first one of a round.
+  void Took(const TaskMessage& task);
+  /// None came from a line where one was thought to wait: others were faster, there and perhaps elsewhere, so
+  /// that all that was known to wait is forgotten.
+  void FoundEmpty();
   /// The block's vertices, of `vertices` in all, were computed here: their hits are in memory.
   void Keep(const GatherBlock& block, uint32_t vertices);
 
  private:
+  void Forget();
   struct Shard {
     uint64_t waiting = 0;
     uint64_t kept = 0;  ///< vertices
@@ -50,6 +53,7 @@ class ShardChooser {
   mutable std::mutex mutex_;
   std::vector<Shard> shards_;
   std::vector<bool> kept_;  ///< by vertex
+  Digest round_;            ///< manifest of the last task
 };
 
 }  // namespace glint

@@ -170,13 +170,13 @@ class Worker {
       Result<std::unique_ptr<TaskLease>> lease =
           (*subscription)->Fetch(where.shard, where.waits ? kProbeSeconds : kFetchSeconds);
       if (lease.ok() && *lease) {
-        shards.Took((*lease)->message().shard);
+        shards.Took((*lease)->message());
         ++busy_;
         Handle(lease->get());
         --busy_;
         MakeRoomForOthers();
       } else if (lease.ok() && where.waits) {
-        shards.FoundEmpty(where.shard);
+        shards.FoundEmpty();
       } else if (busy_ == 0) {
         return;
       } else if (!lease.ok()) {

@@ -35,16 +35,25 @@ TEST(ShardChooserTest, PrefersWhatItKeepsThenWhatIsLongest) {
   chooser.Update(std::vector<uint64_t>{3, 5, 4, 0});
   EXPECT_EQ(chooser.Choose().shard, 1u);
   chooser.Keep({50, 20, 0, 1}, 100);  // of shard 2, which is 50 to 74
-  chooser.Keep({90, 10, 0, 1}, 100);  // of shard 3, where nothing waits
+  chooser.Keep({90, 5, 0, 1}, 100);   // of shard 3, where nothing waits
   EXPECT_EQ(chooser.Choose().shard, 2u);
-  chooser.FoundEmpty(2);
+  for (int i = 0; i < 4; ++i) chooser.Took({{}, 0, 2});
   EXPECT_EQ(chooser.Choose().shard, 1u);
-  for (int i = 0; i < 5; ++i) chooser.Took(1);
+  for (int i = 0; i < 5; ++i) chooser.Took({{}, 0, 1});
   EXPECT_EQ(chooser.Choose().shard, 0u);
   EXPECT_TRUE(chooser.Choose().waits);
-  chooser.FoundEmpty(0);
+  chooser.FoundEmpty();
   EXPECT_FALSE(chooser.Choose().waits);
   EXPECT_EQ(chooser.Choose().shard, 2u) << "waits where its own tasks will come";
+}
+
+TEST(ShardChooserTest, ForgetsWhatWaitedInTheRoundBefore) {
+  ShardChooser chooser(2, 1);
+  chooser.Took({Sha256({}), 0, 0});
+  chooser.Update(std::vector<uint64_t>{1, 1});
+  chooser.Took({Digest{}, 0, 0});
+  EXPECT_FALSE(chooser.Choose().waits)
+      << "others may have taken what was seen to wait before the round's end";
 }
 
 TEST(ShardChooserTest, CountsAVertexOnce) {

@@ -316,13 +316,13 @@ class Worker {
                  [this, where](std::optional<Queue::Message> message) {
                    if (message) return Compute(*message);
                    if (!where.waits) return Choose();
-                   shards_->FoundEmpty(where.shard);
+                   shards_->FoundEmpty();
                    Fetch();
                  });
   }
 
   void Compute(const Queue::Message& message) {
-    shards_->Took(message.task.shard);
+    shards_->Took(message.task);
     const bool wanted = at_work_->Wants(message.task);
     const double gather = wanted ? slowness_ * GatherSeconds(at_work_->block(message.task)) : 0;
     const double seconds = fleet_.task_seconds + gather + (wanted ? slowness_ * TurnSeconds() : 0);
