@@ -114,7 +114,9 @@ Result<Layer> BakeLayer(const std::vector<TaskSpec>& tasks, const Layer* previou
     GLINT_RETURN_IF_ERROR(executor->Run(
         {tasks, previous}, [&](size_t, bool was_there) { progress->TaskDone(was_there, attempt > 0); }));
     progress->Stage("merge " + std::to_string(tasks.front().layer));
-    Result<Layer> layer = MergeLayer(store, tasks, domain, grid, options.table_form, threads);
+    Result<Layer> layer =
+        MergeLayer(store, tasks, domain, grid, options.settings.StoredLobes(tasks.front().layer),
+                   options.table_form, threads);
     if (layer.ok() || layer.status().kind() != ErrorKind::kMismatch || attempt > 0) return layer;
     Log(LogLevel::kWarning, layer.status().message());
   }
@@ -124,7 +126,7 @@ LayerReport DescribeLayer(const Layer& layer) {
   LayerReport report{layer.counters.slices, layer.stored, 0, layer.energy};
   double cells = static_cast<double>(layer.views.diffuse.rows()) * layer.views.diffuse.columns();
   for (const SliceTableView& t : layer.views.specular) cells += static_cast<double>(t.rows()) * t.columns();
-  report.density = cells > 0 ? static_cast<double>(layer.stored) / cells : 0;
+  report.density = cells > 0 ? static_cast<double>(layer.stored[0]) / cells : 0;
   return report;
 }
 
@@ -134,6 +136,7 @@ Status Publish(const fs::path& out_path, const Scene& scene, const BakeDomain& d
   content.domain = &domain;
   content.cameras = scene.cameras;
   content.grid_level = options.settings.grid_level;
+  content.slice_lobes = static_cast<int>(options.settings.StoredLobes(1));
   content.archive_key = report->archive_key;
   for (const Layer& layer : layers) {
     content.layers.push_back(layer.views);
@@ -151,9 +154,18 @@ Result<ErrorEstimate> Estimate(const BakeDomain& domain, const DirectionGrid& gr
   const RayScene rays(domain.positions, domain.triangles, 1);
   GLINT_RETURN_IF_ERROR(rays.status());
   std::vector<LayerViews> views;
+  views.reserve(layers.size());
   for (const Layer& layer : layers) views.push_back(layer.views);
   return EstimateError(domain, rays, grid, views,
-                       {slices, options.settings.seed, options.settings.drop, threads});
+                       {slices, options.settings.seed, options.settings.read_out(), threads});
+}
+
+/// An archive's geometry holds at most three vertices a triangle. Scenes from files have no others.
+Status CheckVertices(const Scene& scene, const std::string& name) {
+  if (scene.positions.size() <= 3 * scene.triangles.size()) return {};
+  return BadInput(name + ": " + std::to_string(scene.positions.size()) + " vertices, more than its " +
+                  std::to_string(scene.triangles.size()) +
+                  " triangles can use; leave out those that no triangle uses");
 }
 
 /// @param begin, loaded  when the bake began, and when the scene was there
@@ -164,6 +176,7 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
     return UsageError("indirect layers: " + std::to_string(options.max_layers) + " is not 0 to " +
                       std::to_string(kMaxIndirectLayers));
   }
+  GLINT_RETURN_IF_ERROR(CheckVertices(scene, name));
   const int threads = ResolveThreadCount(options.threads);
   const Digest bake_key = BakeKey(ExecutionId(), scene.content, options.settings);
   const fs::path work_dir =
@@ -179,6 +192,7 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
 
   progress.Stage("fit");
   const BakeDomain domain = BuildBakeDomain(scene, options.settings.fit, threads);
+  report.notes.insert(report.notes.end(), domain.notes.begin(), domain.notes.end());
   const DirectionGrid grid(options.settings.grid_level);
   report.vertices = domain.vertex_count();
   report.triangles = domain.triangles.size();
@@ -204,7 +218,7 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
     report.layers.push_back(DescribeLayer(layer));
     report.rays += layer.counters.rays;
     const bool faint = index > 0 && layer.energy < options.layer_tolerance;
-    report.complete = faint || (index > 0 && layer.stored == 0);  // what reflects nothing sends on nothing
+    report.complete = faint || (index > 0 && layer.stored[0] == 0);  // what reflects nothing sends on nothing
     layers.push_back(std::move(layer));
     if (faint) break;
   }

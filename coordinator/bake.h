@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -51,9 +52,10 @@ struct BakeProgress {
 using BakeProgressCallback = std::function<void(const BakeProgress&)>;
 
 struct LayerReport {
-  uint64_t slices = 0, stored = 0;
-  double density = 0;  ///< stored / all entries of the layer's tables
-  double energy = 0;   ///< relative light (Layer::energy)
+  uint64_t slices = 0;
+  std::array<uint64_t, kMaxSliceLobes> stored{};  ///< slices with at least 1, 2, ... lobes
+  double density = 0;                             ///< stored / all entries of the first lobes' tables
+  double energy = 0;                              ///< relative light (Layer::energy)
 };
 
 /// What a bake did. The deterministic part goes into the archive, all of it into the JSON beside it.
@@ -78,7 +80,8 @@ struct BakeReport {
 Result<BakeReport> Bake(const std::filesystem::path& scene_path, const std::filesystem::path& out_path,
                         const BakeOptions& options, const BakeProgressCallback& progress = {});
 
-/// The same for a scene in memory; `name` appears in messages and the report.
+/// The same for a scene in memory; `name` appears in messages and the report. kBadInput: more than three
+/// vertices a triangle.
 Result<BakeReport> BakeScene(const Scene& scene, const std::string& name,
                              const std::filesystem::path& out_path, const BakeOptions& options,
                              const BakeProgressCallback& progress = {});

@@ -37,7 +37,9 @@ Json DescribeSettings(const BakeOptions& options) {
     json.update({{"rays_per_kappa", s.rays_per_kappa},
                  {"min_rays", s.min_rays},
                  {"max_rays", s.max_rays},
-                 {"split_levels", s.split_levels}});
+                 {"split_levels", s.split_levels},
+                 {"slice_lobes", s.slice_lobes},
+                 {"lobe_tolerance", s.lobe_tolerance}});
   } else {
     json["paper_rays"] = s.paper_rays;
   }
@@ -48,6 +50,14 @@ Json DescribeSettings(const BakeOptions& options) {
                {"max_layers", options.max_layers},
                {"layer_tolerance", options.layer_tolerance}});
   return json;
+}
+
+/// Slices with exactly 1, 2, ... lobes.
+Json SlicesByLobes(const LayerReport& layer) {
+  Json counts = Json::array();
+  for (size_t n = 0; n < layer.stored.size(); ++n)
+    counts.push_back(layer.stored[n] - (n + 1 < layer.stored.size() ? layer.stored[n + 1] : 0));
+  return counts;
 }
 
 /// Names of files and nodes may be in any encoding; no such name may make a finished bake fail.
@@ -64,8 +74,9 @@ std::string DeterministicReportJson(const BakeReport& report, const BakeDomain& 
   for (const BrdfShape& shape : domain.shapes) json["brdfs"].push_back(DescribeShape(shape));
   for (const LayerReport& layer : report.layers)
     json["layers"].push_back({{"slices", layer.slices},
-                              {"stored", layer.stored},
-                              {"absent", layer.slices - layer.stored},
+                              {"stored", layer.stored[0]},
+                              {"absent", layer.slices - layer.stored[0]},
+                              {"with_lobes", SlicesByLobes(layer)},
                               {"density", layer.density},
                               {"relative_light", layer.energy}});
   json["complete"] = report.complete;

@@ -6,22 +6,26 @@
 
 #include "common/archive/archive.h"
 #include "common/archive/chunk.h"
+#include "common/archive/lobe_codec.h"
+#include "common/domain/bake_settings.h"
 #include "worker/path_fan.h"
 
 namespace glint {
+
+/// What a fan's light of a layer above 0 is stored as; empty if as nothing.
+std::vector<IndirectLobe> ReadOutIndirect(const SliceLobe& lobe, const ReadOut& read_out, FanLight* light);
 
 /// Slices of a few points and directions in the form in which an archive holds its own, so that a
 /// TransferReader reads them by the same interpolation and with the same digits.
 class ProbeTables {
  public:
-  /// @param drop  the bake's (BakeSettings)
-  ProbeTables(int layers, int max_lobes, uint32_t columns, float drop);
+  ProbeTables(int layers, int max_lobes, uint32_t columns, const ReadOut& read_out);
 
   void BeginRow();
   /// Adds one slot of one slice of the current row; columns come in order.
   /// @param slot      PathFanTracer::kDiffuse for the diffuse table
-  /// @param indirect  moments of each layer; layer 0's come from the fan itself
-  void Add(int slot, uint16_t column, const PathFan& fan, std::span<const IndirectMoments> indirect);
+  /// @param indirect  light of each layer; layer 0's comes from the fan itself
+  void Add(int slot, uint16_t column, const PathFan& fan, std::span<FanLight> indirect);
 
   /// A layer's tables, serialised, and views into them.
   struct LayerTables {
@@ -32,7 +36,8 @@ class ProbeTables {
 
  private:
   uint32_t columns_;
-  float drop_;
+  ReadOut read_out_;
+  SlotLayout indirect_layout_;
   std::vector<BlockResult> blocks_;  ///< of layers
 };
 

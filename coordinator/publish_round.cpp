@@ -42,6 +42,7 @@ Status WriteInput(const ExecutorInput& bake, const RoundManifest& manifest, cons
   ArchiveContent content;
   content.domain = &bake.domain;
   content.grid_level = bake.grid.level();
+  content.slice_lobes = static_cast<int>(bake.settings.StoredLobes(1));
   content.archive_key = manifest.InputKey();
   if (manifest.layer > 1) {
     empty = EmptyDirectLayer(bake);

@@ -75,10 +75,10 @@ struct SliceTester::Answers {
 
 namespace {
 
-std::vector<IndirectMoments> MomentsFromPaths(const PathFan& fan, int layers) {
-  std::vector<IndirectMoments> moments(layers);
-  for (int layer = 1; layer < layers; ++layer) moments[layer] = IndirectMomentsOf(fan, layer);
-  return moments;
+std::vector<FanLight> LightFromPaths(const PathFan& fan, int layers) {
+  std::vector<FanLight> light(layers);
+  for (int layer = 1; layer < layers; ++layer) light[layer] = IndirectLightOf(fan, layer);
+  return light;
 }
 
 /// A fan's light as it is: no lobe stands in for it. Paths under the face bring none.
@@ -93,21 +93,19 @@ void AddPaths(const PathFan& fan, const glm::vec3& weight, const TestSlice& slic
   }
 }
 
-/// The same read out as one lobe a layer.
+/// The same read out as lobes.
 /// @param lobe  the unoccluded one as the archive reads it
-void AddReadOut(const PathFan& fan, const TransferLobe& lobe, const TestSlice& slice,
-                std::vector<SkyLight>* out) {
+void AddReadOut(const PathFan& fan, std::span<FanLight> light, const TransferLobe& lobe,
+                const ReadOut& read_out, const TestSlice& slice, std::vector<SkyLight>* out) {
   const DirectLobe direct = FitDirect(fan.lobe, DirectMomentsOf(fan), 0).value_or(DirectLobe{});
   if (direct.fraction > 0)
     AddReflected({lobe.alpha * direct.fraction, UnitOr(lobe.mu + direct.shift, lobe.mu),
                   std::min(lobe.kappa * direct.kappa_ratio, kMaxKappa), lobe.cosine},
                  slice.point.normal, slice.skies, &(*out)[0]);
-  for (size_t layer = 1; layer < out->size(); ++layer) {
-    const auto read = FitIndirect(fan.lobe, IndirectMomentsOf(fan, static_cast<int>(layer)), 0);
-    if (read)
-      AddReflected({lobe.alpha * read->alpha, read->mu, read->kappa, false}, slice.point.normal, slice.skies,
+  for (size_t layer = 1; layer < out->size(); ++layer)
+    for (const IndirectLobe& read : ReadOutIndirect(fan.lobe, read_out, &light[layer]))
+      AddReflected({lobe.alpha * read.alpha, read.mu, read.kappa, false}, slice.point.normal, slice.skies,
                    &(*out)[layer]);
-  }
 }
 
 /// Point of a sequence that all fans of one half share: what they have in common, noise too, cancels in their
@@ -121,13 +119,13 @@ FanSeed SeedOf(uint64_t seed, const TestSlice& slice, int half, uint32_t fan) {
 }  // namespace
 
 SliceTester::SliceTester(const BakeDomain& domain, const RayScene& rays, const DirectionGrid& grid,
-                         std::span<const LayerViews> layers, uint64_t seed, float drop)
+                         std::span<const LayerViews> layers, uint64_t seed, const ReadOut& read_out)
     : domain_(domain),
       rays_(rays),
       grid_(grid),
       layers_(layers),
       seed_(seed),
-      drop_(drop),
+      read_out_(read_out),
       reader_(domain, grid),
       tracer_(domain, rays, static_cast<int>(layers.size()) - 1) {
   double sum = 0;
@@ -188,7 +186,7 @@ SliceError SliceTester::Test(const TestSlice& slice, double epsilon, bool causes
 }
 
 SliceError SliceTester::Compare(const Answers& answers, double epsilon, bool causes) const {
-  const auto& [first, second] = answers.light;
+  const auto &first = answers.light[0], &second = answers.light[1];
   std::array<SkyLight, kStages> all[kHalves];
   for (int half = 0; half < kHalves; ++half)
     for (int stage = 0; stage < kStages; ++stage) all[half][stage] = Sum(answers.light[half][stage]);
@@ -228,7 +226,7 @@ void SliceTester::AskOwn(const TestSlice& slice, int half, bool causes, Answers*
   const TransferPoint& point = slice.point;
   const SlicePoint own = PointOf(slice.point);
   auto& light = answers->light[half];
-  ProbeTables tables(layers(), domain_.max_lobes(), 1, drop_);
+  ProbeTables tables(layers(), domain_.max_lobes(), 1, read_out_);
   tables.BeginRow();
   PathFan fan;
   auto ask = [&](int slot, uint16_t column, const glm::vec3& weight, const TransferLobe& lobe) {
@@ -236,8 +234,10 @@ void SliceTester::AskOwn(const TestSlice& slice, int half, bool causes, Answers*
                   SeedOf(seed_, slice, half, static_cast<uint32_t>(slot + 1)), &fan);
     AddPaths(fan, weight, slice, &light[kTruth]);
     if (!causes) return;
-    AddReadOut(fan, lobe, slice, &light[StageOf(ErrorCause::kLobes)]);
-    tables.Add(slot, column, fan, MomentsFromPaths(fan, layers()));
+    std::vector<FanLight> indirect = LightFromPaths(fan, layers());
+    AddReadOut(fan, indirect, lobe, {0, read_out_.slice_lobes, read_out_.lobe_tolerance}, slice,
+               &light[StageOf(ErrorCause::kLobes)]);
+    tables.Add(slot, column, fan, indirect);
   };
   const BrdfSlice fitted = tracer_.sampler(own.shape).Fitted(point.cos_o);
   for (int k = 0; k < fitted.lobes; ++k) {
@@ -281,14 +281,14 @@ void SliceTester::AskDirections(const TestSlice& slice, int half, Answers* answe
   read.vertex_weight = {1, 0, 0};
   read.corner_weight = {};
   for (int j = 0; j < 3 && total > 0; ++j) read.corner_weight[j] = row.weight[j] / total;
-  ProbeTables tables(layers(), domain_.max_lobes(), 3, drop_);
+  ProbeTables tables(layers(), domain_.max_lobes(), 3, read_out_);
   GatherRow(slice, row, half, &tables, nullptr);
   Read(tables, read, slice, &answers->light[half][StageOf(ErrorCause::kAngular)]);
 }
 
 /// At the vertices around, for the grid's directions around: from paths, and from the archive's layers below.
 void SliceTester::AskVertices(const TestSlice& slice, int half, Answers* answers) const {
-  ProbeTables paths(layers(), domain_.max_lobes(), 3, drop_), below = paths;
+  ProbeTables paths(layers(), domain_.max_lobes(), 3, read_out_), below = paths;
   const TransferPoint& point = slice.point;
   for (uint32_t i = 0; i < 3; ++i) {
     const uint32_t v = point.vertex[i];
@@ -320,8 +320,9 @@ void SliceTester::GatherRow(const TestSlice& slice, const Row& row, int half, Pr
   PathFan fan;
   auto add = [&](int slot, uint16_t column, const glm::vec3& wo, uint32_t id) {
     tracer_.Trace(row.point, wo, slot, kPathsPerFan, SeedOf(seed_, slice, half, row.id << 8 | id), &fan);
-    paths->Add(slot, column, fan, MomentsFromPaths(fan, layers()));
-    if (below != nullptr) below->Add(slot, column, fan, MomentsFromBelow(fan));
+    std::vector<FanLight> light = LightFromPaths(fan, layers());
+    paths->Add(slot, column, fan, light);
+    if (below != nullptr) below->Add(slot, column, fan, light = LightFromBelow(fan));
   };
   paths->BeginRow();
   if (below != nullptr) below->BeginRow();
@@ -344,30 +345,27 @@ void SliceTester::Read(const ProbeTables& tables, const TransferPoint& point, co
   }
 }
 
-/// What gathering sums where a fan's rays meet surfaces: each layer's light as the archive has it.
-std::vector<IndirectMoments> SliceTester::MomentsFromBelow(const PathFan& fan) const {
-  std::vector<IndirectMoments> moments(layers());
-  double leaving = 0;
+/// What gathering finds where a fan's rays meet surfaces: each layer's light as the archive has it.
+std::vector<FanLight> SliceTester::LightFromBelow(const PathFan& fan) const {
+  std::vector<FanLight> light(layers());
   TransferPoint point;
   LayerLobes lobes;
   for (const FanPath& path : fan.paths) {
-    leaving += path.leaves;
+    for (FanLight& l : light) l.leaving += path.leaves;
     if (!path.leaves || !path.hit.hit()) continue;
     if (!reader_.Prepare(path.hit.triangle, path.hit.u, path.hit.v, -path.direction, &point)) continue;
     for (int layer = 1; layer < layers(); ++layer) {
       reader_.Read(point, layers_[layer - 1], layer - 1, &lobes);
+      glm::vec3 alpha(0), moment(0);
       for (int i = 0; i < lobes.count; ++i) {
         const TransferLobe& lobe = lobes.lobe[i];
-        moments[layer].alpha += glm::dvec3(lobe.alpha);
-        moments[layer].moment +=
-            static_cast<double>(Luminance(lobe.alpha) * (1 - DeltaFromKappa(lobe.kappa))) *
-            glm::dvec3(lobe.mu);
+        alpha += lobe.alpha;
+        moment += Luminance(lobe.alpha) * (1 - DeltaFromKappa(lobe.kappa)) * lobe.mu;
       }
+      light[layer].samples.Add(alpha, moment);
     }
   }
-  for (IndirectMoments& m : moments)
-    if (leaving > 0) m.alpha /= leaving, m.moment /= leaving;
-  return moments;
+  return light;
 }
 
 }  // namespace glint

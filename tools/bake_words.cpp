@@ -58,6 +58,14 @@ void AddAccuracyWords(CLI::App& app, BakeOptions& options) {
       "No further lobe once the fit's relative error is below this")
       ->check(NumberRange(0, 1))
       ->type_name("X");
+  add("--slice-lobes", settings.slice_lobes,
+      "shared: a slice is stored as at most this many lobes for each of its material's")
+      ->check(CLI::Range(1, kMaxSliceLobes))
+      ->type_name("N");
+  add("--lobe-tolerance", settings.lobe_tolerance,
+      "shared: no further lobe of a slice for less than this error, relative to its light")
+      ->check(NumberRange(0, 1))
+      ->type_name("X");
   add("--drop", settings.drop, "Leave out slices that change the light by less than this")
       ->check(NumberRange(0, 1))
       ->type_name("X");

@@ -16,13 +16,21 @@ double ThreadSeconds() {
 
 }  // namespace
 
-Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store) {
+GatheredTask GatherTask(const TaskSpec& task, Gatherer& gatherer) {
   const double begin = ThreadSeconds();
-  const BlockResult result = gatherer.Gather(task.block);
-  const double seconds = ThreadSeconds() - begin;
+  GatheredTask gathered{gatherer.Gather(task.block), 0};
+  gathered.seconds = ThreadSeconds() - begin;
+  return gathered;
+}
+
+Status PublishTask(const TaskSpec& task, const GatheredTask& gathered, ChunkStore* store) {
   // A message that came twice may have had it computed twice at once; what is there is not touched.
   if (store->FindResult(task.key)) return {};
-  return store->PutResult(task.key, SerializeBlock(result), seconds).status();
+  return store->PutResult(task.key, SerializeBlock(gathered.result), gathered.seconds).status();
+}
+
+Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store) {
+  return PublishTask(task, GatherTask(task, gatherer), store);
 }
 
 }  // namespace glint

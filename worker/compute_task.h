@@ -11,4 +11,14 @@ namespace glint {
 /// task's layer. Thread-safe; safe to repeat. kIo: the chunk cannot be written.
 Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store);
 
+/// What the gatherer found, and the processor time that it took.
+struct GatheredTask {
+  BlockResult result;
+  double seconds = 0;
+};
+
+// The two halves of ComputeTask.
+GatheredTask GatherTask(const TaskSpec& task, Gatherer& gatherer);
+Status PublishTask(const TaskSpec& task, const GatheredTask& gathered, ChunkStore* store);
+
 }  // namespace glint

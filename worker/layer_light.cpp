@@ -7,11 +7,13 @@
 #include <glm/geometric.hpp>
 
 #include "common/archive/lobe_codec.h"
+#include "common/archive/merge_lobes.h"
 #include "common/archive/transfer.h"
 #include "common/base/bend_normal.h"
 #include "common/base/frame.h"
 #include "common/base/half.h"
 #include "common/base/parallel.h"
+#include "common/domain/bake_settings.h"
 #include "common/lobes/vmf.h"
 
 namespace glint {
@@ -124,7 +126,10 @@ void LayerLight::PackSurface() {
                          reinterpret_cast<const std::byte*>(empty_row_.data())});
 }
 
-LayerLight::Entry LayerLight::Pack(const std::byte* stored) const {
+LayerLight::Entry LayerLight::Pack(const LayerViews& views, uint32_t slot, uint32_t v,
+                                   uint32_t column) const {
+  const std::byte* stored = views.table(0, slot).Find(v, column);
+  if (!stored) return absent_[0];
   if (layer_ == 0) {
     const DirectLobe lobe = DecodeDirect(stored);
     return {{EncodeHalf(lobe.fraction), EncodeHalf(lobe.fraction * lobe.kappa_ratio), 0, 0},
@@ -132,7 +137,13 @@ LayerLight::Entry LayerLight::Pack(const std::byte* stored) const {
              EncodeSnorm(0.5f * lobe.shift.z)},
             EncodeHalf(lobe.fraction)};
   }
-  const IndirectLobe lobe = DecodeIndirect(stored);
+  std::array<IndirectLobe, kMaxSliceLobes> lobes;
+  uint32_t count = 0;
+  while (stored) {
+    lobes[count++] = DecodeIndirect(stored);
+    stored = count < views.lobes() ? views.table(count, slot).Find(v, column) : nullptr;
+  }
+  const IndirectLobe lobe = count == 1 ? lobes[0] : MergeLobes({lobes.data(), count});
   const float strength = Luminance(lobe.alpha);
   const float spread = strength * (lobe.kappa > 0 ? DeltaFromKappa(lobe.kappa) : 1.0f) * kDeltaScale;
   return {{EncodeHalf(lobe.alpha.x), EncodeHalf(lobe.alpha.y), EncodeHalf(lobe.alpha.z), EncodeHalf(spread)},
@@ -180,10 +191,8 @@ void LayerLight::PackRows(const LayerViews& views, int threads) {
     Entry* entry = row + head_;
     for (uint32_t column = 0; column < grid_.size(); ++column) {
       if ((words[column / kWordColumns] >> (column % kWordColumns) & 1) == 0) continue;
-      for (int k = 0; k < lobes_; ++k) {
-        const std::byte* bytes = views.specular[k].Find(static_cast<uint32_t>(v), column);
-        *entry++ = bytes ? Pack(bytes) : absent_[0];
-      }
+      for (int k = 0; k < lobes_; ++k)
+        *entry++ = Pack(views, static_cast<uint32_t>(k), static_cast<uint32_t>(v), column);
     }
     vertices_[v].row = reinterpret_cast<const std::byte*>(row);
   });
@@ -192,8 +201,8 @@ void LayerLight::PackRows(const LayerViews& views, int threads) {
 void LayerLight::PackDiffuse(const LayerViews& views) {
   diffuse_.assign(2 * static_cast<size_t>(domain_.vertex_count()), absent_[0]);
   for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
-    views.diffuse.Row(v).ForEach(
-        [&](uint32_t side, const std::byte* bytes) { diffuse_[2 * size_t{v} + side] = Pack(bytes); });
+    for (uint32_t side = 0; side < 2; ++side)
+      diffuse_[2 * size_t{v} + side] = Pack(views, views.diffuse_slot(), v, side);
 }
 
 // The same code twice: once for any x86-64, once where the processor counts bits and has wide registers; both

@@ -34,7 +34,7 @@ struct HitLight {
 /// moments: corners that are too far apart to be averaged are each kept, not grouped. Entries are decoded
 /// once into sixteen bytes that add up with two multiply-adds, all lobes of a (vertex, direction) side by
 /// side; look-ups run in batches whose stages prefetch what the next will read. Memory: 16 bytes a stored
-/// lobe, and 8 bytes for each 48 directions of a vertex. Immutable; thread-safe.
+/// slice, and 8 bytes for each 48 directions of a vertex. Immutable; thread-safe.
 class LayerLight {
  public:
   LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views, int layer,
@@ -75,7 +75,8 @@ class LayerLight {
   void PackSurface();
   void PackRows(const LayerViews& views, int threads);
   void PackDiffuse(const LayerViews& views);
-  Entry Pack(const std::byte* stored) const;
+  /// A slice as one entry, however many lobes it has.
+  Entry Pack(const LayerViews& views, uint32_t slot, uint32_t v, uint32_t column) const;
   void LookWide(std::span<const LightQuery> queries, HitLight* out) const;
   void LookBatches(std::span<const LightQuery> queries, HitLight* out) const;
   bool Orient(const LightQuery& query, Pending* hit) const;

@@ -5,6 +5,7 @@
 #include "worker/shared_gather.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
@@ -16,6 +17,7 @@
 #include "worker/hemisphere_samples.h"
 #include "worker/hit_set.h"
 #include "worker/layer_light.h"
+#include "worker/light_groups.h"
 #include "worker/slice_encoder.h"
 #include "worker/slice_lobes.h"
 
@@ -31,6 +33,17 @@ constexpr float kKappaPerSample = 0.6f;  ///< a lattice of n samples resolves lo
 struct Scratch {
   HemisphereSamples samples[2];  ///< front, back
   std::vector<uint16_t> tiles;
+  std::array<std::vector<float>, LightList::kChannels> channels;
+
+  /// An empty list with room for as many samples.
+  LightList List(size_t room) {
+    LightList list{};
+    for (int c = 0; c < LightList::kChannels; ++c) {
+      channels[c].resize(std::max(channels[c].size(), room));
+      list.channel[c] = channels[c].data();
+    }
+    return list;
+  }
 };
 
 /// One side of a vertex, ready to be summed over.
@@ -52,9 +65,11 @@ class SharedGatherer : public Gatherer {
         settings_(settings),
         kernels_(SelectGatherKernels()),
         samplers_(MakeSliceSamplers(input.domain.shapes)),
+        layout_{static_cast<uint32_t>(input.domain.max_lobes()), 1},
         cache_(input_, settings_, memory_bytes) {}
 
   void BeginLayer(int layer, const LayerViews* previous, int threads) override {
+    layout_.slice_lobes = settings_.StoredLobes(layer);
     light_.reset();
     if (layer > 0)
       light_ = std::make_unique<LayerLight>(input_.domain, input_.grid, *previous, layer - 1, threads);
@@ -62,7 +77,7 @@ class SharedGatherer : public Gatherer {
 
   BlockResult Gather(const GatherBlock& block) override {
     BlockResult result;
-    result.slots.resize(static_cast<size_t>(input_.domain.max_lobes()) + 1);
+    result.slots.resize(layout_.count());
     Scratch scratch;
     for (uint32_t v = block.first_vertex; v < block.first_vertex + block.vertices; ++v)
       GatherVertex(v, block, &scratch, &result);
@@ -72,14 +87,14 @@ class SharedGatherer : public Gatherer {
  private:
   void GatherVertex(uint32_t v, const GatherBlock& block, Scratch* scratch, BlockResult* result) {
     const bool owns_diffuse = block.first_column == 0;
-    for (size_t slot = 0; slot + 1 < result->slots.size(); ++slot) result->slots[slot].BeginRow();
-    if (owns_diffuse) result->slots.back().BeginRow();
+    for (uint32_t slot = 0; slot < layout_.count(); ++slot)
+      if (owns_diffuse || !layout_.is_diffuse(slot)) result->slots[slot].BeginRow();
     if (!cache_.surface().used(v)) return;
     Side sides[2];
     const int side_count = input_.domain.double_sided[v] ? 2 : 1;
     for (int s = 0; s < side_count; ++s) {
       sides[s] = PrepareSide(v, s, scratch, owns_diffuse ? &result->counters : nullptr);
-      if (owns_diffuse) GatherDiffuse(v, s, sides[s], result);
+      if (owns_diffuse) GatherDiffuse(v, s, sides[s], scratch, result);
     }
     for (uint32_t column = block.first_column; column < block.first_column + block.columns; ++column) {
       const glm::vec3& wo = input_.grid.direction(column);
@@ -135,7 +150,7 @@ class SharedGatherer : public Gatherer {
       float& all = side.lobe_weights[column * static_cast<size_t>(input_.domain.max_lobes()) + k];
       if (sunk) {  // no sample of it leaves the surface: what the surface sees is the best that is known
         StoreCosine(side, lobe, 1 - DeltaFromKappa(lobe.resolved_kappa()), static_cast<uint16_t>(column),
-                    &all, &result->slots[k]);
+                    static_cast<uint32_t>(k), &all, scratch, result);
         continue;
       }
       if (!light_) {
@@ -146,13 +161,41 @@ class SharedGatherer : public Gatherer {
         StoreDirect(FitDirect(lobe, moments, settings_.drop), static_cast<uint16_t>(column),
                     &result->slots[k]);
       } else {
+        if (all < 0) {
+          all = SumDirect(side, cone, weight, scratch).all;
+          SelectActive(side, cone, scratch);  // again: there is one list of tiles
+        }
         IndirectSums sums;
         kernels_.indirect_lobe(side.arrays, scratch->tiles.data(), active, weight, &sums);
-        if (all < 0) all = SumDirect(side, cone, weight, scratch).all;
-        StoreIndirect(FitIndirect(lobe, ToMoments(sums, all), settings_.drop), static_cast<uint16_t>(column),
-                      &result->slots[k]);
+        const auto list = [&](LightList* out) {
+          kernels_.list_lobe(side.arrays, scratch->tiles.data(), active, weight, out);
+        };
+        StoreIndirectSlice(lobe, sums, all, static_cast<uint16_t>(column), static_cast<uint32_t>(k), side,
+                           list, scratch, result);
       }
     }
+  }
+
+  /// Stores an indirect slice as the lobes that it is worth.
+  /// @param all   sum of its weights
+  /// @param list  lists its light
+  template <class List>
+  void StoreIndirectSlice(const SliceLobe& lobe, const IndirectSums& sums, float all, uint16_t column,
+                          uint32_t slot, const Side& side, const List& list, Scratch* scratch,
+                          BlockResult* result) const {
+    const IndirectMoments moments = ToMoments(sums, all);
+    const LightGroups groups = SplitLight(kernels_, moments, all, lobe, settings_.read_out(), [&] {
+      LightList light = scratch->List(side.samples->samples());
+      list(&light);
+      return light;
+    });
+    if (groups.size() < 2) {
+      StoreIndirect(FitIndirect(lobe, moments, settings_.drop), column, &result->slots[slot]);
+      return;
+    }
+    for (int g = 0; g < groups.size(); ++g)
+      StoreIndirect(IndirectLobeOf(lobe, groups[g].Moments()), column,
+                    &result->slots[static_cast<uint32_t>(g) * layout_.stride() + slot]);
   }
 
   /// Writes the active tiles that a cone meets to scratch->tiles; returns how many.
@@ -172,30 +215,34 @@ class SharedGatherer : public Gatherer {
     return sums;
   }
 
-  void GatherDiffuse(uint32_t v, int s, const Side& side, BlockResult* result) {
+  void GatherDiffuse(uint32_t v, int s, const Side& side, Scratch* scratch, BlockResult* result) {
     const glm::vec3& diffuse = input_.domain.diffuse[v];
     if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
     ++result->counters.slices;
     if (!side.samples->any_active()) return;
     float& all = side.lobe_weights[input_.grid.size() * static_cast<size_t>(input_.domain.max_lobes())];
-    StoreCosine(side, {side.frame.n, kCosineKappa}, 2.0 / 3, static_cast<uint16_t>(s), &all,
-                &result->slots.back());
+    StoreCosine(side, {side.frame.n, kCosineKappa}, 2.0 / 3, static_cast<uint16_t>(s), layout_.specular, &all,
+                scratch, result);
   }
 
   /// Stores for a lobe what the cosine lobe's sums say.
   /// @param all  of HitSet::lobe_weights
-  void StoreCosine(const Side& side, const SliceLobe& lobe, double mean_cosine, uint16_t column, float* all,
-                   BlockRows* rows) const {
+  void StoreCosine(const Side& side, const SliceLobe& lobe, double mean_cosine, uint16_t column,
+                   uint32_t slot, float* all, Scratch* scratch, BlockResult* result) const {
     if (!light_) {
       const DirectSums sums = SumDirectCosine(side);
       *all = sums.all;
-      StoreDirect(FitDirect(lobe, ToMoments(sums, side, lobe.mu, mean_cosine), settings_.drop), column, rows);
+      StoreDirect(FitDirect(lobe, ToMoments(sums, side, lobe.mu, mean_cosine), settings_.drop), column,
+                  &result->slots[slot]);
     } else {
       const std::vector<uint16_t>& tiles = side.samples->active_tiles();
       IndirectSums sums;
       kernels_.indirect_cosine(side.arrays, tiles.data(), static_cast<int>(tiles.size()), &sums);
       if (*all < 0) *all = SumDirectCosine(side).all;
-      StoreIndirect(FitIndirect(lobe, ToMoments(sums, *all), settings_.drop), column, rows);
+      const auto list = [&](LightList* out) {
+        kernels_.list_cosine(side.arrays, tiles.data(), static_cast<int>(tiles.size()), out);
+      };
+      StoreIndirectSlice(lobe, sums, *all, column, slot, side, list, scratch, result);
     }
   }
 
@@ -232,6 +279,7 @@ class SharedGatherer : public Gatherer {
   const BakeSettings settings_;
   const GatherKernels& kernels_;
   std::vector<SliceSampler> samplers_;  ///< of input_.domain.shapes
+  SlotLayout layout_;                   ///< of this layer
   HitSetCache cache_;
   std::unique_ptr<const LayerLight> light_;  ///< of the layer before; null while layer 0 is gathered
 };

@@ -10,6 +10,7 @@
 #include "common/archive/sections.h"
 #include "common/base/files.h"
 #include "common/base/hash.h"
+#include "common/domain/bake_settings.h"
 #include "common/domain/direction_grid.h"
 
 namespace glint {
@@ -42,6 +43,18 @@ Status CheckTable(const SliceTableView& table, const Header& header, uint32_t la
 
 // ---- Writing ----
 
+Header MakeHeader(const ArchiveContent& content) {
+  Header header;
+  header.grid_level = static_cast<uint32_t>(content.grid_level);
+  header.layers = static_cast<uint32_t>(content.layer_bytes.size());
+  header.slots = LargestLobeCount(content.domain->shapes);
+  header.slice_lobes = static_cast<uint32_t>(content.slice_lobes);
+  header.vertices = content.domain->positions.size();
+  header.triangles = content.domain->triangles.size();
+  header.archive_key = content.archive_key;
+  return header;
+}
+
 /// What the domain must be for its archive to open again; a failure is a bug of the caller.
 Status CheckContent(const ArchiveContent& content) {
   const BakeDomain& d = *content.domain;
@@ -61,11 +74,15 @@ Status CheckContent(const ArchiveContent& content) {
                          " is out of range");
   }
   if (content.layer_bytes.size() > kMaxLayers) return LimitExceeded("archive: more than 256 layers");
-  for (const auto& layer : content.layer_bytes) {
-    if (layer.size() != LargestLobeCount(d.shapes) + size_t{1}) {
-      return InternalError("archive: a layer has " + std::to_string(layer.size()) +
-                           " tables, the shapes need " + std::to_string(LargestLobeCount(d.shapes)) +
-                           " and a diffuse one");
+  if (content.slice_lobes < 1 || content.slice_lobes > kMaxSliceLobes) {
+    return InternalError("archive: " + std::to_string(content.slice_lobes) + " lobes a slice");
+  }
+  const Header header = MakeHeader(content);
+  for (uint32_t layer = 0; layer < header.layers; ++layer) {
+    if (content.layer_bytes[layer].size() != header.tables(layer)) {
+      return InternalError("archive: layer " + std::to_string(layer) + " has " +
+                           std::to_string(content.layer_bytes[layer].size()) + " tables, not " +
+                           std::to_string(header.tables(layer)));
     }
   }
   return {};
@@ -104,24 +121,13 @@ class SectionWriter {
   std::vector<Section> sections_;
 };
 
-Header MakeHeader(const ArchiveContent& content) {
-  Header header;
-  header.grid_level = static_cast<uint32_t>(content.grid_level);
-  header.layers = static_cast<uint32_t>(content.layer_bytes.size());
-  header.slots = LargestLobeCount(content.domain->shapes);
-  header.vertices = content.domain->positions.size();
-  header.triangles = content.domain->triangles.size();
-  header.archive_key = content.archive_key;
-  return header;
-}
-
 Status WriteTables(const ArchiveContent& content, const Header& header, SectionWriter* out) {
   for (uint32_t layer = 0; layer < header.layers; ++layer) {
-    for (uint32_t slot = 0; slot <= header.slots; ++slot) {
+    for (uint32_t slot = 0; slot < header.tables(layer); ++slot) {
       const std::span<const std::byte> bytes = content.layer_bytes[layer][slot];
       const auto table = SliceTableView::Parse(bytes);
       const Status status =
-          table.ok() ? CheckTable(*table, header, layer, slot == header.slots) : table.status();
+          table.ok() ? CheckTable(*table, header, layer, header.is_diffuse(slot)) : table.status();
       if (!status.ok()) {
         return InternalError("archive: table " + std::to_string(layer) + "/" + std::to_string(slot) + ": " +
                              status.message());
@@ -199,7 +205,6 @@ Status Archive::Impl::Read(bool verify_checksums) {
   GLINT_ASSIGN_OR_RETURN(const std::vector<Section> sections, DecodeFooter(bytes));
   GLINT_RETURN_IF_ERROR(CheckSectionList(sections));
   layers.resize(header.layers);
-  for (LayerViews& layer : layers) layer.specular.resize(header.slots);
   for (const Section& section : sections) {
     if (verify_checksums && Checksum64(Stored(section)) != section.checksum) {
       return SectionError(section,
@@ -215,16 +220,17 @@ Status Archive::Impl::Read(bool verify_checksums) {
 }
 
 Status Archive::Impl::CheckSectionList(const std::vector<Section>& sections) const {
-  const size_t fixed = std::size(kFixedSections), per_layer = header.slots + size_t{1};
-  if (sections.size() != fixed + header.layers * per_layer) {
+  std::vector<Section> expected;
+  for (const auto& [kind, codec] : kFixedSections) expected.push_back({.kind = kind, .codec = codec});
+  for (uint32_t layer = 0; layer < header.layers; ++layer)
+    for (uint32_t slot = 0; slot < header.tables(layer); ++slot)
+      expected.push_back({Kind::kTable, Codec::kRaw, layer, slot});
+  if (sections.size() != expected.size()) {
     return BadInput("footer: wrong number of sections; bake it again");
   }
   for (size_t i = 0; i < sections.size(); ++i) {
-    const Section& s = sections[i];
-    const auto [kind, codec] = i < fixed ? kFixedSections[i] : std::pair(Kind::kTable, Codec::kRaw);
-    const size_t layer = i < fixed ? 0 : (i - fixed) / per_layer,
-                 slot = i < fixed ? 0 : (i - fixed) % per_layer;
-    if (s.kind != kind || s.codec != codec || s.layer != layer || s.slot != slot) {
+    const Section &s = sections[i], &e = expected[i];
+    if (s.kind != e.kind || s.codec != e.codec || s.layer != e.layer || s.slot != e.slot) {
       return BadInput("footer: section " + s.Name() + " is out of order; bake it again");
     }
   }
@@ -270,10 +276,9 @@ Status Archive::Impl::ReadCompressed(const Section& section) {
 Status Archive::Impl::ReadTable(const Section& section) {
   if (section.raw_bytes != section.stored_bytes) return BadInput("wrong raw size");
   GLINT_ASSIGN_OR_RETURN(const SliceTableView table, SliceTableView::Parse(Stored(section)));
-  const bool diffuse = section.slot == header.slots;
+  const bool diffuse = header.is_diffuse(section.slot);
   GLINT_RETURN_IF_ERROR(CheckTable(table, header, section.layer, diffuse));
-  LayerViews& layer = layers[section.layer];
-  (diffuse ? layer.diffuse : layer.specular[section.slot]) = table;
+  layers[section.layer].Add(section.slot / (header.slots + 1), diffuse, table);
   return {};
 }
 

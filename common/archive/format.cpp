@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "common/domain/bake_settings.h"
 #include "common/domain/direction_grid.h"
 #include "common/lobes/brdf_table.h"
 
@@ -104,6 +105,7 @@ std::array<std::byte, kHeaderBytes> EncodeHeader(const Header& header) {
   Put(at + 16, header.grid_level);
   Put(at + 20, header.layers);
   Put(at + 24, header.slots);
+  Put(at + 28, header.slice_lobes);
   Put(at + 32, header.vertices);
   Put(at + 40, header.triangles);
   std::memcpy(at + 48, header.archive_key.bytes.data(), header.archive_key.bytes.size());
@@ -129,14 +131,16 @@ Result<Header> DecodeHeader(std::span<const std::byte> file) {
   header.grid_level = Get<uint32_t>(at + 16);
   header.layers = Get<uint32_t>(at + 20);
   header.slots = Get<uint32_t>(at + 24);
+  header.slice_lobes = Get<uint32_t>(at + 28);
   header.vertices = Get<uint64_t>(at + 32);
   header.triangles = Get<uint64_t>(at + 40);
   std::memcpy(header.archive_key.bytes.data(), at + 48, header.archive_key.bytes.size());
-  if (Get<uint32_t>(at + 12) != kHeaderBytes || !AllZero({at + 28, 4}) || !AllZero({at + 80, 40})) {
+  if (Get<uint32_t>(at + 12) != kHeaderBytes || !AllZero({at + 80, 40})) {
     return BadInput("header: reserved bytes are set; a newer Glint may read it");
   }
   if (header.grid_level > DirectionGrid::kMaxLevel || header.layers > kMaxLayers ||
-      header.slots > static_cast<uint32_t>(kMaxBrdfLobes) || header.vertices > kMaxVertices ||
+      header.slots > static_cast<uint32_t>(kMaxBrdfLobes) || header.slice_lobes < 1 ||
+      header.slice_lobes > static_cast<uint32_t>(kMaxSliceLobes) || header.vertices > kMaxVertices ||
       header.triangles > kMaxTriangles) {
     return BadInput("header: a count is out of range; bake it again");
   }

@@ -12,6 +12,7 @@
 #include "common/archive/lobe_codec.h"
 #include "common/base/bend_normal.h"
 #include "common/base/frame.h"
+#include "common/domain/bake_settings.h"
 
 namespace glint {
 namespace {
@@ -22,20 +23,25 @@ glm::vec3 NormalizeOr(const glm::vec3& v, const glm::vec3& fallback) {
   return length2 > 1e-20f ? v / std::sqrt(length2) : fallback;
 }
 
-/// Interpolates the direct lobe of one table. Corners without an entry are unblocked.
-/// @param weight  of corner (vertex i, column j) at [i * columns + j]
+/// Where a look-up reads: corner (vertex i, column j) has its weight at [i * kColumns + j].
 template <int kColumns>
-DirectLobe InterpolateDirect(const SliceTableView& table, const std::array<uint32_t, 3>& vertex,
-                             const std::array<uint32_t, kColumns>& column,
-                             const std::array<float, 3 * kColumns>& weight) {
+struct Corners {
+  const std::array<uint32_t, 3>& vertex;
+  const std::array<uint32_t, kColumns>& column;
+  const std::array<float, 3 * kColumns>& weight;
+};
+
+/// Interpolates the direct lobe of one table. Corners without an entry are unblocked.
+template <int kColumns>
+DirectLobe InterpolateDirect(const SliceTableView& table, const Corners<kColumns>& corners) {
   float fraction = 0, kappa_ratio = 0;
   glm::vec3 shift(0);
   bool stored = false;
   for (int i = 0; i < 3; ++i) {
-    const SliceTableView::RowView row = table.Row(vertex[i]);
+    const SliceTableView::RowView row = table.Row(corners.vertex[i]);
     for (int j = 0; j < kColumns; ++j) {
-      const float w = weight[i * kColumns + j];
-      const std::byte* entry = row.empty() || w <= 0 ? nullptr : row.Find(column[j]);
+      const float w = corners.weight[i * kColumns + j];
+      const std::byte* entry = row.empty() || w <= 0 ? nullptr : row.Find(corners.column[j]);
       if (!entry) {
         fraction += w;
         kappa_ratio += w;
@@ -54,89 +60,156 @@ DirectLobe InterpolateDirect(const SliceTableView& table, const std::array<uint3
   return {std::min(fraction, 1.0f), shift / fraction, kappa_ratio / fraction};
 }
 
-/// Present corners of an indirect lobe, gathered into groups of like lobes.
+/// Lobes of a look-up's corners, gathered into groups of like ones. A group has at most one lobe of each
+/// corner: what was stored as two lobes is not one thing.
 class CornerGroups {
  public:
-  void Add(float weight, const IndirectLobe& lobe) {
-    const float strength = weight * Luminance(lobe.alpha);
-    corner_[count_++] = {weight, strength, lobe};
-    alpha_ += weight * lobe.alpha;
-    mu_ += strength * lobe.mu;
-    kappa_ += strength * lobe.kappa;
-    strength_ += strength;
-  }
+  struct Lobe {
+    glm::vec3 alpha;  ///< times the corner's weight
+    float strength;   ///< of alpha
+    glm::vec3 mu;
+    float kappa;
+  };
 
-  /// Emits one lobe per group, strongest corner first; `scale` is the BRDF lobe's weight.
-  void Emit(const glm::vec3& scale, LayerLobes* out) {
-    if (strength_ <= 0) return;
-    // 1 - |mean of mu| is the corners' mean 1 - cos from their common direction: mostly they are alike, which
-    // saves the comparing.
-    const float length = glm::length(mu_);
-    if ((strength_ - length) * kappa_ <= kAlike * strength_ * strength_ && length > 0) {
-      out->Add({alpha_ * scale, mu_ / length, kappa_ / strength_, false});
-      return;
-    }
-    for (int group = 0; group < kMaxGroups && count_ > 0; ++group) {
-      const bool last = group == kMaxGroups - 1;
-      EmitGroup(scale, last, out);
+  void Add(int corner, const Lobe& lobe) {
+    if (lobe.strength <= 0) return;
+    several_ = several_ || (count_ > 0 && corner_[count_ - 1] == corner);
+    corner_[count_] = corner;
+    lobe_[count_++] = lobe;
+    AddTo(&total_, lobe);
+  }
+  /// Some corner has more than one lobe.
+  bool several() const { return several_; }
+  /// Sums over all lobes; mu and kappa times strength.
+  const Lobe& total() const { return total_; }
+
+  /// Calls emit(lobe) for every group, the one with the strongest lobe first. What is faint, or more than
+  /// kMaxGroups, comes as one broad lobe.
+  template <class Emit>
+  void ForEach(const Emit& emit) {
+    for (int group = 1; count_ > 0; ++group) {
+      const int strongest = Strongest();
+      if (group == kMaxGroups || lobe_[strongest].strength < kFaint * total_.strength) {
+        emit(TakeRest());
+      } else {
+        emit(TakeLike(strongest));
+      }
     }
   }
 
  private:
-  static constexpr float kAlike = 0.5f;  ///< corners' rms angle is at most 1 / sqrt(kappa)
+  static constexpr int kMaxCorners = 9;
 
-  struct Corner {
-    float weight, strength;
-    IndirectLobe lobe;
-  };
-
-  void EmitGroup(const glm::vec3& scale, bool take_all, LayerLobes* out) {
+  int Strongest() const {
     int strongest = 0;
     for (int i = 1; i < count_; ++i)
-      if (corner_[i].strength > corner_[strongest].strength) strongest = i;
-    const IndirectLobe seed = corner_[strongest].lobe;
-    glm::vec3 alpha(0), mu(0);
-    float kappa = 0, strength = 0;
+      if (lobe_[i].strength > lobe_[strongest].strength) strongest = i;
+    return strongest;
+  }
+
+  /// Takes out a lobe, and of each other corner the nearest that is not far from it.
+  Lobe TakeLike(int seed_index) {
+    const Lobe seed = lobe_[seed_index];
+    std::array<int, kMaxCorners> nearest;
+    std::array<float, kMaxCorners> distance;
+    nearest.fill(-1);
+    distance.fill(kFar);
+    for (int i = 0; i < count_; ++i) {
+      const glm::vec3 d = lobe_[i].mu - seed.mu;
+      const float scaled = glm::dot(d, d) * std::min(lobe_[i].kappa, seed.kappa);
+      if (scaled <= distance[corner_[i]]) distance[corner_[i]] = scaled, nearest[corner_[i]] = i;
+    }
+    nearest[corner_[seed_index]] = seed_index;
+    Lobe sum{glm::vec3(0), 0, glm::vec3(0), 0};
     int left = 0;
     for (int i = 0; i < count_; ++i) {
-      const Corner& c = corner_[i];
-      // |mu0 - mu1|^2 = 2 (1 - cos): apart if the angle exceeds 2 / sqrt(kappa) of the broader lobe.
-      const bool near = (1 - glm::dot(c.lobe.mu, seed.mu)) * std::min(c.lobe.kappa, seed.kappa) <= 2;
-      if (near || take_all) {
-        alpha += c.weight * c.lobe.alpha;
-        mu += c.strength * c.lobe.mu;
-        kappa += c.strength * c.lobe.kappa;
-        strength += c.strength;
+      if (nearest[corner_[i]] == i) {
+        AddTo(&sum, lobe_[i]);
       } else {
-        corner_[left++] = c;
+        corner_[left] = corner_[i];
+        lobe_[left++] = lobe_[i];
       }
     }
     count_ = left;
-    if (strength > 0) out->Add({alpha * scale, NormalizeOr(mu, seed.mu), kappa / strength, false});
+    return {sum.alpha, sum.strength, NormalizeOr(sum.mu, seed.mu), sum.kappa / sum.strength};
   }
 
-  std::array<Corner, 9> corner_;
+  /// Takes all that are left as the lobe with their moments: they need not be alike.
+  Lobe TakeRest() {
+    Lobe sum{glm::vec3(0), 0, glm::vec3(0), 0};
+    for (int i = 0; i < count_; ++i) AddTo(&sum, lobe_[i]);
+    const float cosine = glm::length(sum.mu) / sum.strength;
+    const float delta = 1 - cosine * (1 - DeltaFromKappa(sum.kappa / sum.strength));
+    count_ = 0;
+    return {sum.alpha, sum.strength, NormalizeOr(sum.mu, lobe_[0].mu),
+            KappaFromDelta(std::clamp(delta, 0.0f, 1.0f))};
+  }
+
+  static void AddTo(Lobe* sum, const Lobe& lobe) {
+    sum->alpha += lobe.alpha;
+    sum->strength += lobe.strength;
+    sum->mu += lobe.strength * lobe.mu;
+    sum->kappa += lobe.strength * lobe.kappa;
+  }
+
+  /// Apart if the angle exceeds 2 / sqrt(kappa) of the broader lobe.
+  static constexpr float kFar = 4;
+  static constexpr float kFaint = 0.04f;  ///< of all corners' light
+
+  std::array<Lobe, kMaxCorners * kMaxSliceLobes> lobe_;
+  std::array<int, kMaxCorners * kMaxSliceLobes> corner_;
   int count_ = 0;
-  glm::vec3 alpha_{0}, mu_{0};  ///< sums over all corners
-  float kappa_ = 0, strength_ = 0;
+  bool several_ = false;
+  Lobe total_{glm::vec3(0), 0, glm::vec3(0), 0};
 };
 
-template <int kColumns>
-void InterpolateIndirect(const SliceTableView& table, const std::array<uint32_t, 3>& vertex,
-                         const std::array<uint32_t, kColumns>& column,
-                         const std::array<float, 3 * kColumns>& weight, const glm::vec3& scale,
-                         LayerLobes* out) {
-  CornerGroups groups;
+/// Calls visit(corner, weight, lobe) for every stored lobe of the corners' slices.
+template <int kColumns, class Visit>
+void VisitIndirect(const LayerViews& layer, uint32_t slot, const Corners<kColumns>& corners,
+                   const Visit& visit) {
   for (int i = 0; i < 3; ++i) {
-    const SliceTableView::RowView row = table.Row(vertex[i]);
-    if (row.empty()) continue;
+    std::array<SliceTableView::RowView, kMaxSliceLobes> row;
+    uint32_t lobes = 0;  // where a row is empty, so are those of further lobes
+    for (; lobes < layer.lobes(); ++lobes) {
+      row[lobes] = layer.table(lobes, slot).Row(corners.vertex[i]);
+      if (row[lobes].empty()) break;
+    }
     for (int j = 0; j < kColumns; ++j) {
-      const float w = weight[i * kColumns + j];
-      if (w <= 0) continue;
-      if (const std::byte* entry = row.Find(column[j])) groups.Add(w, DecodeIndirect(entry));
+      const int corner = i * kColumns + j;
+      if (corners.weight[corner] <= 0) continue;
+      for (uint32_t lobe = 0; lobe < lobes; ++lobe) {
+        const std::byte* entry = row[lobe].Find(corners.column[j]);
+        if (!entry) break;
+        visit(corner, corners.weight[corner], DecodeIndirect(entry));
+      }
     }
   }
-  groups.Emit(scale, out);
+}
+
+/// Adds the lobes of an indirect slice; `scale` is the BRDF lobe's weight.
+template <int kColumns>
+void ReadIndirect(const LayerViews& layer, uint32_t slot, const Corners<kColumns>& corners,
+                  const glm::vec3& scale, LayerLobes* out) {
+  CornerGroups groups;
+  VisitIndirect<kColumns>(layer, slot, corners, [&](int corner, float w, const IndirectLobe& lobe) {
+    const glm::vec3 alpha = w * lobe.alpha;
+    groups.Add(corner, {alpha, Luminance(alpha), lobe.mu, lobe.kappa});
+  });
+  const auto emit = [&](const CornerGroups::Lobe& lobe) {
+    out->Add({lobe.alpha * scale, lobe.mu, lobe.kappa, false});
+  };
+  // 1 - |mean of mu| is the corners' mean 1 - cos from their common direction: mostly they are alike, which
+  // saves the comparing. Corners' rms angle is then at most 1 / sqrt(kappa).
+  constexpr float kAlike = 0.5f;
+  const CornerGroups::Lobe& all = groups.total();
+  if (all.strength <= 0) return;
+  const float length = glm::length(all.mu);
+  const bool alike = (all.strength - length) * all.kappa <= kAlike * all.strength * all.strength;
+  if (alike && length > 0 && !groups.several()) {
+    emit({all.alpha, all.strength, all.mu / length, all.kappa / all.strength});
+  } else {
+    groups.ForEach(emit);
+  }
 }
 
 }  // namespace
@@ -266,28 +339,27 @@ bool TransferReader::Prepare(uint32_t triangle, float u, float v, const glm::vec
 void TransferReader::Read(const TransferPoint& point, const LayerViews& layer, int index,
                           LayerLobes* out) const {
   out->count = 0;
-  const uint32_t side = point.back ? 1 : 0;
-  const bool diffuse = point.diffuse_albedo.x + point.diffuse_albedo.y + point.diffuse_albedo.z > 0;
+  const Corners<3> corners{point.vertex, point.column, point.corner_weight};
   for (int k = 0; k < point.slice.lobes; ++k) {
     const BrdfLobe& brdf = point.slice.lobe[k];
     const glm::vec3 weight = brdf.Weight(point.specular);
     if (index > 0) {
-      InterpolateIndirect<3>(layer.specular[k], point.vertex, point.column, point.corner_weight, weight, out);
+      ReadIndirect(layer, static_cast<uint32_t>(k), corners, weight, out);
       continue;
     }
-    const DirectLobe direct =
-        InterpolateDirect<3>(layer.specular[k], point.vertex, point.column, point.corner_weight);
+    const DirectLobe direct = InterpolateDirect(layer.specular[k], corners);
     if (direct.fraction > 0)
       out->Add({weight * direct.fraction, NormalizeOr(point.lobe_mu[k] + direct.shift, point.lobe_mu[k]),
                 std::min(brdf.kappa * direct.kappa_ratio, kMaxKappa), false});
   }
-  if (!diffuse) return;
+  if (point.diffuse_albedo.x + point.diffuse_albedo.y + point.diffuse_albedo.z <= 0) return;
+  const std::array<uint32_t, 1> side = {point.back ? 1u : 0u};
+  const Corners<1> vertices{point.vertex, side, point.vertex_weight};
   if (index > 0) {
-    InterpolateIndirect<1>(layer.diffuse, point.vertex, {side}, point.vertex_weight, point.diffuse_albedo,
-                           out);
+    ReadIndirect(layer, layer.diffuse_slot(), vertices, point.diffuse_albedo, out);
     return;
   }
-  const DirectLobe direct = InterpolateDirect<1>(layer.diffuse, point.vertex, {side}, point.vertex_weight);
+  const DirectLobe direct = InterpolateDirect(layer.diffuse, vertices);
   if (direct.fraction > 0)
     out->Add({point.diffuse_albedo * direct.fraction, NormalizeOr(point.normal + direct.shift, point.normal),
               kCosineKappa * direct.kappa_ratio, true});

@@ -47,8 +47,9 @@ struct TransferLobe {
 /// vMF with the mean cosine 2/3 of the cosine lobe.
 inline constexpr float kCosineKappa = 2.9871f;
 
-/// A BRDF lobe is read as up to this many when its corners are too far apart to be averaged.
-inline constexpr int kMaxGroups = 3;
+/// A BRDF lobe is read as up to this many when its slices have several or its corners are too far apart to be
+/// averaged.
+inline constexpr int kMaxGroups = 8;
 /// At most this many lobes come from one layer at one point.
 inline constexpr int kMaxLayerLobes = kMaxGroups * (kMaxBrdfLobes + 1);
 

@@ -11,6 +11,8 @@ void HashSettings(const BakeSettings& s, Hasher* hasher) {
       .Add(s.split_levels)
       .Add(s.paper_rays)
       .Add(s.drop)
+      .Add(s.slice_lobes)
+      .Add(s.lobe_tolerance)
       .Add(s.seed)
       .Add(s.fit.max_lobes)
       .Add(s.fit.tolerance);

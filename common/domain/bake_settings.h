@@ -7,9 +7,18 @@
 
 namespace glint {
 
+inline constexpr int kMaxSliceLobes = 4;  ///< stored for one lobe of a slice's BRDF
+
 enum class GatherMethod : uint8_t {
   kShared = 0,  ///< one shared set of hemisphere rays per bake vertex, reused by all directions and layers
   kPaper = 1,   ///< laurijssen2011: rays drawn from each slice's lobe, in every layer again
+};
+
+/// How slices are read out of what was gathered; BakeSettings has the meanings.
+struct ReadOut {
+  float drop = 0;
+  int slice_lobes = 1;
+  float lobe_tolerance = 0;
 };
 
 /// What a slice's value depends on, besides the scene and the layer before. Part of every task's key.
@@ -24,8 +33,21 @@ struct BakeSettings {
   int paper_rays = 144;  ///< kPaper: rays per lobe, slice and layer
   float drop =
       1.0f / 1024;  ///< relative change of a slice below which it counts as free (layer 0) or nothing
+  /// kShared: indirect light is read out as up to this many lobes for each of a slice's BRDF,
+  /// 1 .. kMaxSliceLobes ...
+  int slice_lobes = 1;
+  /// ... and no more once joining two of them loses less than this: the part of their common spread that lies
+  /// between them, times the root of their part of the BRDF lobe's light
+  float lobe_tolerance = 0.2f;
   uint64_t seed = 1;
   BrdfFitOptions fit;
+
+  /// Lobes that a slice of a layer can have. Direct light keeps to one: what a blocker's edge leaves of a
+  /// lobe is no better seen as several (docs/mathematics.md).
+  uint32_t StoredLobes(int layer) const {
+    return layer == 0 || method == GatherMethod::kPaper ? 1 : static_cast<uint32_t>(slice_lobes);
+  }
+  ReadOut read_out() const { return {drop, static_cast<int>(StoredLobes(1)), lobe_tolerance}; }
 };
 
 /// Feeds every field of the settings.

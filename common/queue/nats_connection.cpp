@@ -89,6 +89,7 @@ Status NatsConnection::Connect(const NatsOptions& options) {
   const NatsHandle<natsOptions, natsOptions_Destroy> nats(made);
   const std::vector<std::string> addresses = SplitAddresses(options.url);
   std::vector<const char*> servers;
+  servers.reserve(addresses.size());
   for (const std::string& address : addresses) servers.push_back(address.c_str());
   if (s == NATS_OK) s = natsOptions_SetServers(made, servers.data(), static_cast<int>(servers.size()));
   if (s == NATS_OK) s = natsOptions_SetName(made, "glint " GLINT_VERSION);

@@ -366,7 +366,7 @@ Status BakeService::Change(Slot* slot, BakeState state, Status error) {
   JournalEntry entry = slot->status.entry;
   entry.state = state;
   entry.error = std::move(error);
-  const Status noted = journal_.Put(entry);
+  Status noted = journal_.Put(entry);
   if (noted.ok() || HasEnded(state)) slot->status.entry = std::move(entry);
   ++slot->status.version;
   changed_.notify_all();

@@ -55,9 +55,9 @@ TEST_P(BakeDeterminismTest, ThreadsPartitionAndMemoryDoNotShow) {
   const Baked expected = BakeHere(scene, options);
   ASSERT_FALSE(expected.archive.empty());
   ASSERT_EQ(expected.report.layers.size(), 3u);
-  EXPECT_GT(expected.report.layers[0].stored, 0u);
-  EXPECT_GT(expected.report.layers[1].stored, 0u);
-  EXPECT_GT(expected.report.layers[2].stored, 0u);
+  EXPECT_GT(expected.report.layers[0].stored[0], 0u);
+  EXPECT_GT(expected.report.layers[1].stored[0], 0u);
+  EXPECT_GT(expected.report.layers[2].stored[0], 0u);
 
   for (const Spread& spread : {Spread{2, 0, 0, 0}, Spread{3, 0, 0, 0}, Spread{2, 37, 0, 1},
                                Spread{3, 200, 13, 0}, Spread{1, 100000, 1000, 1 << 16}}) {
@@ -197,10 +197,11 @@ TEST(MergeLayerTest, OrderOfTasksDoesNotShow) {
     for (const TaskSpec& task : order)
       ASSERT_TRUE((*executor)->Run({{&task, 1}, nullptr}, [&](size_t, bool there) { done += !there; }).ok());
     EXPECT_EQ(done, tasks.size());
-    const Result<Layer> layer = MergeLayer(*store, tasks, domain, grid, TableForm::kCompact, 2);
+    const Result<Layer> layer =
+        MergeLayer(*store, tasks, domain, grid, settings.StoredLobes(0), TableForm::kCompact, 2);
     ASSERT_TRUE(layer.ok()) << layer.status().message();
     digests.push_back(layer->digest);
-    EXPECT_GT(layer->stored, 0u);
+    EXPECT_GT(layer->stored[0], 0u);
   }
   EXPECT_EQ(digests[0], digests[1]);
   EXPECT_EQ(digests[0], digests[2]);
