@@ -53,7 +53,8 @@ TEST_F(FaultTest, ComputesDamagedChunksAgainAndNoOthers) {
   flipped.seekg(-1, std::ios::end);
   const char last = static_cast<char>(flipped.get() ^ 1);
   flipped.seekp(-1, std::ios::end);
-  flipped.put(last).close();
+  flipped.put(last);
+  flipped.close();
   CheckFinished();
   worker->Signal(SIGCONT);
   EXPECT_EQ(bake->Wait(), 0) << Text("bakes.log");
