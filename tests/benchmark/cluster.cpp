@@ -10,6 +10,7 @@
 //   glint_benchmark_cluster [--scene teapot] [--vertices 3000] [--layers 3] [--workers 2] [--repeats 3]
 //                           [--only overhead|tasks|kills]
 
+#include <signal.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -30,6 +31,7 @@
 #include "common/round/manifest.h"
 #include "common/round/round_files.h"
 #include "common/scene/generate.h"
+#include "common/scene/load.h"
 #include "common/store/store.h"
 #include "tests/base/process.h"
 #include "tests/base/temp_folder.h"
