@@ -63,7 +63,7 @@ class Progress {
 
   void Stage(const std::string& name, size_t tasks = 0, double slices_per_task = 0) {
     EndStage();
-    state_ = {name, 0, tasks, 0, 0};
+    state_ = {name, 0, tasks};
     slices_per_task_ = slices_per_task;
     computed_ = 0;
     begin_ = Now();
@@ -72,6 +72,7 @@ class Progress {
   /// @param again  the round is run once more, to mend chunks that were there but damaged
   void TaskDone(bool was_there, bool again) {
     ++state_.done;
+    state_.found += was_there;
     computed_ += !was_there;
     if (!again) {
       ++report_->tasks;
@@ -92,7 +93,8 @@ class Progress {
   }
 
  private:
-  void Emit() const {
+  void Emit() {
+    state_.rays = report_->rays;
     if (callback_) callback_(state_);
   }
   const BakeProgressCallback& callback_;
@@ -198,7 +200,7 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
   report.triangles = domain.triangles.size();
   report.directions = grid.size();
 
-  const uint64_t memory = options.memory_bytes ? options.memory_bytes : MachineMemory() / 4;
+  const uint64_t memory = options.memory_bytes ? options.memory_bytes : UsableMemory() / 4;
   const auto make_executor = options.make_executor ? options.make_executor : MakeLocalExecutor;
   GLINT_ASSIGN_OR_RETURN(const std::unique_ptr<Executor> executor,
                          make_executor({scene.content, domain, grid, options.settings, work.store(), threads,
@@ -237,7 +239,10 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
   GLINT_RETURN_IF_ERROR(PublishFile(out_path.string() + ".json", std::as_bytes(std::span(report.json))));
   if (!options.keep_work) {
     // It can be large, and serves nobody any more; but the bake has not failed if it stays.
-    if (const Status removed = work.Remove(); !removed.ok()) Log(LogLevel::kWarning, removed.message());
+    // A folder that was named for others to share is where workers wait for the next bake.
+    const bool shared = !options.work_dir.empty() && options.make_executor;
+    if (const Status removed = work.Remove(!shared); !removed.ok())
+      Log(LogLevel::kWarning, removed.message());
   }
   return report;
 }

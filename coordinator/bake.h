@@ -34,7 +34,7 @@ struct BakeOptions {
   int threads = 0;                   ///< 0: all cores
   uint32_t vertices_per_task = 0;    ///< 0: chosen so that tasks are neither tiny nor few
   uint32_t directions_per_task = 0;  ///< 0: all
-  uint64_t memory_bytes = 0;  ///< for hit sets kept between layers; 0: a quarter of the machine's memory
+  uint64_t memory_bytes = 0;         ///< for hit sets kept between layers; 0: a quarter of UsableMemory()
   std::filesystem::path
       work_dir;                   ///< for a sub-folder with finished tasks; empty: OUT.work beside the output
   bool keep_work = false;         ///< keep that sub-folder after the archive is written
@@ -46,6 +46,8 @@ struct BakeOptions {
 struct BakeProgress {
   std::string stage;  ///< "load", "fit", "layer 0", ..., "estimate", "write"
   size_t done = 0, tasks = 0;
+  size_t found = 0;   ///< of those done: their result was there
+  uint64_t rays = 0;  ///< of the layers that are merged
   double slices_per_second = 0;
   double seconds_left = 0;  ///< of this layer
 };

@@ -1,7 +1,10 @@
 #include "coordinator/partition.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
+
+#include "common/queue/shard.h"
 
 namespace glint {
 namespace {
@@ -17,6 +20,29 @@ double TaskSeconds(double total) {
   return std::min(wanted, total / kFewestTasks);
 }
 
+/// How many tasks a shard is cut into.
+size_t Parts(double total, double wanted, size_t vertices) {
+  const double parts = wanted > 0 ? std::max(std::round(total / wanted), 1.0) : 1;
+  const size_t most = wanted < kShortestTaskSeconds ? vertices / kFewestVertices : vertices;
+  return static_cast<size_t>(std::min(parts, static_cast<double>(std::max<size_t>(most, 1))));
+}
+
+/// How many vertices each task of a shard has: parts that take alike, about as long as wanted.
+std::vector<uint32_t> CutShard(std::span<const float> seconds, double wanted) {
+  const double total = std::accumulate(seconds.begin(), seconds.end(), 0.0);
+  const double part = total / static_cast<double>(Parts(total, wanted, seconds.size()));
+  std::vector<uint32_t> lengths = {0};
+  double taken = 0;
+  for (const float s : seconds) {
+    // To the next task, if more than half of the vertex would be over this one's end.
+    if (lengths.back() > 0 && taken + 0.5 * s > part * static_cast<double>(lengths.size()))
+      lengths.push_back(0);
+    ++lengths.back();
+    taken += s;
+  }
+  return lengths;
+}
+
 }  // namespace
 
 std::vector<float> SpreadSeconds(std::span<const MeasuredBlock> blocks, uint32_t vertices) {
@@ -30,19 +56,18 @@ std::vector<float> SpreadSeconds(std::span<const MeasuredBlock> blocks, uint32_t
 
 std::vector<GatherBlock> CutByCost(std::span<const float> seconds, uint32_t columns,
                                    uint32_t columns_per_task) {
-  const double total = std::accumulate(seconds.begin(), seconds.end(), 0.0);
-  const double wanted = TaskSeconds(total);
+  const double wanted = TaskSeconds(std::accumulate(seconds.begin(), seconds.end(), 0.0));
   const auto vertices = static_cast<uint32_t>(seconds.size());
+  const uint32_t shards = ShardsFor(vertices);
   std::vector<GatherBlock> blocks;
   uint32_t first = 0;
-  double taken = 0;
   for (uint32_t v = 0; v < vertices; ++v) {
-    taken += seconds[v];
-    const bool few = v + 1 - first < kFewestVertices && taken < kShortestTaskSeconds;
-    if (v + 1 < vertices && (few || taken < wanted)) continue;
-    AppendColumns(first, v + 1 - first, columns, columns_per_task, &blocks);
-    first = v + 1;
-    taken = 0;
+    if (v + 1 < vertices && ShardOf(v, vertices, shards) == ShardOf(v + 1, vertices, shards)) continue;
+    const std::span<const float> shard = seconds.subspan(first, v + 1 - first);
+    for (const uint32_t length : CutShard(shard, wanted)) {
+      AppendColumns(first, length, columns, columns_per_task, &blocks);
+      first += length;
+    }
   }
   return blocks;
 }

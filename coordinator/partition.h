@@ -9,7 +9,8 @@
 namespace glint {
 
 // How long a task should take: long enough that publishing its chunk and telling others of it (some 10 ms)
-// are nothing beside it, short enough that a round ends evenly and a kill costs little.
+// are nothing beside it, short enough that a round ends evenly and a kill costs little. Those of a cheap
+// shard may be shorter.
 inline constexpr double kShortestTaskSeconds = 2, kLongestTaskSeconds = 20;
 /// Tasks of a round that takes long enough: so many keep a thousand workers busy.
 inline constexpr double kWantedTasks = 8192;
@@ -27,8 +28,9 @@ struct MeasuredBlock {
 /// Each vertex's part of what its blocks took.
 std::vector<float> SpreadSeconds(std::span<const MeasuredBlock> blocks, uint32_t vertices);
 
-/// Cuts a round into tasks that are thought to take alike, ordered by first vertex, then first column. Which
-/// tasks a round has changes no result.
+/// Cuts each shard (common/queue/shard.h) into tasks that are thought to take alike, ordered by first vertex,
+/// then first column: whoever has computed a shard finds the whole of its next tasks in memory. Which tasks a
+/// round has changes no result.
 /// @param seconds           that each vertex is thought to take, with all its directions
 /// @param columns_per_task  at most; > 0
 std::vector<GatherBlock> CutByCost(std::span<const float> seconds, uint32_t columns,

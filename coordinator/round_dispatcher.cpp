@@ -13,10 +13,14 @@ constexpr double kShortestPause = 0.02, kLongestPause = 2;  ///< seconds between
 constexpr double kLookShare = 0.05;                         ///< of the time, spent on looking
 constexpr double kLonely = 10;  ///< seconds without any worker before the user is told
 
+uint32_t Vertices(const QueuedRound& round) {
+  const GatherBlock& last = round.tasks.back().block;
+  return last.first_vertex + last.vertices;
+}
+
 /// Shard of a task.
 uint32_t ShardOfTask(const QueuedRound& round, size_t task, uint32_t shards) {
-  const GatherBlock& last = round.tasks.back().block;
-  return ShardOf(round.tasks[task].block.first_vertex, last.first_vertex + last.vertices, shards);
+  return ShardOf(round.tasks[task].block.first_vertex, Vertices(round), shards);
 }
 
 /// Orders tasks so that the first ones are spread over all shards: not all may fit into the queue at once.
@@ -43,7 +47,7 @@ Status RoundDispatcher::Run(const QueuedRound& round, std::vector<size_t> open, 
 
 void RoundDispatcher::Begin(const QueuedRound& round, std::vector<size_t> open, RoundLedger* ledger,
                             OnDone on_done) {
-  if (!std::exchange(shards_chosen_, true)) bake_.shards = ShardsFor(round.tasks.size());
+  bake_.shards = ShardsFor(Vertices(round));
   round_ = round;
   open_ = std::move(open);
   ledger_ = ledger;

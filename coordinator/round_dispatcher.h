@@ -72,7 +72,7 @@ class RoundDispatcher {
   double pause_ = 0;
   std::string told_;
   double lonely_seconds_ = 0;
-  bool shards_chosen_ = false, told_lonely_ = false;
+  bool told_lonely_ = false;
 };
 
 }  // namespace glint

@@ -29,8 +29,15 @@ Status PublishTask(const TaskSpec& task, const GatheredTask& gathered, ChunkStor
   return store->PutResult(task.key, SerializeBlock(gathered.result), gathered.seconds).status();
 }
 
-Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store) {
-  return PublishTask(task, GatherTask(task, gatherer), store);
+Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store, WorkerMeter* meter) {
+  GatheredTask gathered;
+  {
+    const MeteredSpan span(meter ? &meter->gather_seconds : nullptr);
+    gathered = GatherTask(task, gatherer);
+  }
+  if (meter) meter->rays += gathered.result.counters.rays;
+  const MeteredSpan span(meter ? &meter->publish_seconds : nullptr);
+  return PublishTask(task, gathered, store);
 }
 
 }  // namespace glint

@@ -20,31 +20,42 @@ ShardChooser::ShardChooser(uint32_t shards, uint64_t seed) : shards_(shards) {
 
 ShardChooser::Choice ShardChooser::Choose() const {
   const std::lock_guard lock(mutex_);
-  const auto rank = [](const Shard& s) { return std::tuple(s.waiting > 0, s.kept, s.waiting, s.order); };
+  const auto rank = [](const Shard& s) {
+    return std::tuple(s.Waiting() > 0, s.messages > 0, s.kept, s.Waiting(), s.order);
+  };
   const auto best = std::max_element(shards_.begin(), shards_.end(),
                                      [&](const Shard& a, const Shard& b) { return rank(a) < rank(b); });
-  return {static_cast<uint32_t>(best - shards_.begin()), best->waiting > 0};
+  return {static_cast<uint32_t>(best - shards_.begin()), best->Waiting() > 0};
 }
 
-void ShardChooser::Update(std::span<const uint64_t> waiting) {
+void ShardChooser::Update(std::span<const uint64_t> messages) {
   const std::lock_guard lock(mutex_);
-  for (size_t i = 0; i < shards_.size(); ++i) shards_[i].waiting = i < waiting.size() ? waiting[i] : 0;
+  for (size_t i = 0; i < shards_.size(); ++i) {
+    shards_[i].messages = i < messages.size() ? messages[i] : 0;
+    shards_[i].taken = std::min(shards_[i].taken, shards_[i].messages);
+  }
 }
 
 void ShardChooser::Took(const TaskMessage& task) {
   const std::lock_guard lock(mutex_);
-  if (round_ != task.manifest) Forget();
+  Shard& shard = shards_[task.shard];
+  if (round_ != task.manifest) {
+    Forget();
+    for (Shard& s : shards_) s.taken = 0;
+  }
   round_ = task.manifest;
-  if (shards_[task.shard].waiting > 0) --shards_[task.shard].waiting;
+  if (shard.messages > 0) --shard.messages;
 }
 
-void ShardChooser::FoundEmpty() {
+void ShardChooser::FoundEmpty(uint32_t shard) {
   const std::lock_guard lock(mutex_);
+  const uint64_t taken = shards_[shard].messages;
   Forget();
+  shards_[shard].taken = taken;
 }
 
 void ShardChooser::Forget() {
-  for (Shard& shard : shards_) shard.waiting = 0;
+  for (Shard& shard : shards_) shard.messages = 0;
 }
 
 void ShardChooser::Keep(const GatherBlock& block, uint32_t vertices) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
@@ -29,25 +30,27 @@ class ShardChooser {
 
   struct Choice {
     uint32_t shard = 0;
-    bool waits = false;  ///< tasks are thought to wait there; else nothing is known to wait anywhere
+    bool waits = false;  ///< tasks are thought to wait there; else one may come again there, or a round begin
   };
   Choice Choose() const;
-  /// How many messages wait in each line, as the queue says.
-  void Update(std::span<const uint64_t> waiting);
+  /// How many messages are in each line, as the queue says; some may be with workers.
+  void Update(std::span<const uint64_t> messages);
   /// A task came. What was known to wait is forgotten when it is the first one of a round.
   void Took(const TaskMessage& task);
-  /// None came from a line where one was thought to wait: others were faster, there and perhaps elsewhere, so
-  /// that all that was known to wait is forgotten.
-  void FoundEmpty();
+  /// None came from a line: the messages that it has are with workers, and others may have been faster
+  /// elsewhere too, so that all that was known to wait is forgotten.
+  void FoundEmpty(uint32_t shard);
   /// The block's vertices, of `vertices` in all, were computed here: their hits are in memory.
   void Keep(const GatherBlock& block, uint32_t vertices);
 
  private:
   void Forget();
   struct Shard {
-    uint64_t waiting = 0;
-    uint64_t kept = 0;  ///< vertices
+    uint64_t messages = 0;
+    uint64_t taken = 0;  ///< of its messages, so many are with workers
+    uint64_t kept = 0;   ///< vertices
     uint64_t order = 0;
+    uint64_t Waiting() const { return messages - std::min(messages, taken); }
   };
 
   mutable std::mutex mutex_;

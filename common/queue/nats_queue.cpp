@@ -6,9 +6,10 @@
 
 #include <algorithm>
 #include <charconv>
+#include <chrono>
 #include <cmath>
 #include <map>
-#include <set>
+#include <mutex>
 #include <string_view>
 #include <utility>
 
@@ -101,7 +102,7 @@ std::optional<uint32_t> TakeNumber(std::string_view* text) {
 
 /// One line of one of our bakes.
 struct ShardConsumer {
-  QueuedBake bake;  ///< without `waiting`
+  QueuedBake bake;  ///< without `messages`
   uint32_t shard = 0;
 };
 
@@ -121,6 +122,18 @@ std::optional<ShardConsumer> ParseConsumer(const jsConsumerInfo& info) {
       {*key, Unescape(description), std::clamp(static_cast<int>(std::min(*priority, 1000u)), 1, kMaxPriority),
        static_cast<double>(info.Config->AckWait) / kNanoseconds, *shards},
       *shard};
+}
+
+/// Bake and shard of a subject; none if it is somebody else's.
+std::optional<std::pair<Digest, uint32_t>> ParseSubject(std::string_view subject) {
+  constexpr std::string_view kBefore = "bake.", kBetween = ".task.";
+  constexpr size_t kHex = 64, kShardAt = kBefore.size() + kHex + kBetween.size();
+  if (subject.size() <= kShardAt || subject.substr(kBefore.size() + kHex, kBetween.size()) != kBetween)
+    return std::nullopt;
+  const std::optional<Digest> key = Digest::FromHex(subject.substr(kBefore.size(), kHex));
+  subject.remove_prefix(kShardAt);
+  const std::optional<uint32_t> shard = TakeNumber(&subject);
+  return key && shard ? std::optional(std::pair(*key, *shard)) : std::nullopt;
 }
 
 // ---- Worker's side ----
@@ -231,6 +244,8 @@ class NatsQueueImpl : public NatsQueue {
   NatsQueueImpl(std::shared_ptr<NatsConnection> connection, int replicas)
       : connection_(std::move(connection)), replicas_(replicas) {}
 
+  Status CheckReachable() override { return connection_->CheckReachable(); }
+
   Status Open(const QueuedBake& bake) override {
     GLINT_RETURN_IF_ERROR(AddStream());
     GLINT_RETURN_IF_ERROR(Purge(bake.bake));
@@ -271,6 +286,7 @@ class NatsQueueImpl : public NatsQueue {
       state.waiting += info.NumPending;
       state.in_flight += static_cast<uint64_t>(info.NumAckPending);
       state.requests += static_cast<uint64_t>(info.NumWaiting);
+      state.redelivered += static_cast<uint64_t>(info.NumRedelivered);
       return Status();
     }));
     if (known == 0 || known != shards) return std::optional<QueueState>();
@@ -284,19 +300,18 @@ class NatsQueueImpl : public NatsQueue {
     return Purge(bake);
   }
 
+  /// From the stream's count of messages by subject: to list consumers takes the server ten times as long.
   Result<std::vector<QueuedBake>> List() override {
-    std::map<Digest, QueuedBake> bakes;
-    std::set<Digest> at_work;
-    GLINT_RETURN_IF_ERROR(Visit([&](const ShardConsumer& consumer, const jsConsumerInfo& info) {
-      QueuedBake& bake = bakes.emplace(consumer.bake.bake, consumer.bake).first->second;
-      bake.waiting.resize(std::max<size_t>(bake.waiting.size(), consumer.bake.shards));
-      bake.waiting[consumer.shard] = info.NumPending;
-      if (info.NumPending > 0 || info.NumAckPending > 0) at_work.insert(bake.bake);
-      return Status();
-    }));
+    GLINT_ASSIGN_OR_RETURN(const auto messages, CountMessages());
     std::vector<QueuedBake> list;
-    for (auto& [key, bake] : bakes)
-      if (at_work.contains(key)) list.push_back(std::move(bake));
+    for (const auto& [key, lines] : messages) {
+      GLINT_ASSIGN_OR_RETURN(const std::optional<QueuedBake> known, About(key));
+      if (!known) continue;
+      list.push_back(*known);
+      list.back().messages.resize(known->shards);
+      for (const auto& [shard, count] : lines)
+        if (shard < known->shards) list.back().messages[shard] = count;
+    }
     return list;
   }
 
@@ -324,6 +339,49 @@ class NatsQueueImpl : public NatsQueue {
     const natsStatus s = js_AddStream(nullptr, js(), &config, nullptr, &code);
     if (s == NATS_OK || code == JSStreamNameExistErr) return {};
     return connection_->Failed("make the stream BAKE", s);
+  }
+
+  using LineCounts = std::vector<std::pair<uint32_t, uint64_t>>;  ///< shard, messages
+
+  Result<std::map<Digest, LineCounts>> CountMessages() const {
+    const std::string all = kSubjects;
+    jsOptions options;
+    jsOptions_Init(&options);
+    options.Stream.Info.SubjectsFilter = all.c_str();
+    jsStreamInfo* made = nullptr;
+    jsErrCode code{};
+    const natsStatus s = js_GetStreamInfo(&made, js(), kStream, &options, &code);
+    const NatsHandle<jsStreamInfo, jsStreamInfo_Destroy> info(made);
+    std::map<Digest, LineCounts> bakes;
+    if (s == NATS_NOT_FOUND || code == JSStreamNotFoundErr) return bakes;
+    if (s != NATS_OK) return connection_->Failed("list bakes", s);
+    const jsStreamStateSubjects* subjects = info->State.Subjects;
+    for (int i = 0; subjects && i < subjects->Count; ++i) {
+      const auto line = ParseSubject(subjects->List[i].Subject);
+      if (line) bakes[line->first].emplace_back(line->second, subjects->List[i].Msgs);
+    }
+    return bakes;
+  }
+
+  /// What a bake's first consumer says of it; none: there is no such (any more). Asked again after a while.
+  Result<std::optional<QueuedBake>> About(const Digest& key) {
+    constexpr std::chrono::seconds kFresh(10);
+    const std::lock_guard lock(known_mutex_);
+    const auto now = std::chrono::steady_clock::now();
+    std::erase_if(known_, [&](const auto& entry) { return now - entry.second.second > kFresh; });
+    if (const auto found = known_.find(key); found != known_.end()) return std::optional(found->second.first);
+    jsConsumerInfo* made = nullptr;
+    jsErrCode code{};
+    const natsStatus s =
+        js_GetConsumerInfo(&made, js(), kStream, ConsumerName(key, 0).c_str(), nullptr, &code);
+    const ConsumerHandle info(made);
+    if (s == NATS_NOT_FOUND || code == JSConsumerNotFoundErr || code == JSStreamNotFoundErr)
+      return std::optional<QueuedBake>();
+    if (s != NATS_OK) return connection_->Failed("ask for a bake", s);
+    const std::optional<ShardConsumer> consumer = ParseConsumer(*info);
+    if (!consumer) return std::optional<QueuedBake>();
+    known_[key] = {consumer->bake, now};
+    return std::optional(consumer->bake);
   }
 
   /// Calls visit(consumer, info) for every line of every bake, until it fails.
@@ -379,6 +437,8 @@ class NatsQueueImpl : public NatsQueue {
 
   const std::shared_ptr<NatsConnection> connection_;
   const int replicas_;
+  std::mutex known_mutex_;
+  std::map<Digest, std::pair<QueuedBake, std::chrono::steady_clock::time_point>> known_;
 };
 
 }  // namespace

@@ -7,10 +7,9 @@
 
 namespace glint {
 
-uint32_t ShardsFor(size_t tasks) {
-  constexpr size_t kTasksPerShard = 4;
-  const size_t shards = std::bit_floor(std::max<size_t>(tasks / kTasksPerShard, 1));
-  return static_cast<uint32_t>(std::min<size_t>(shards, kMaxShards));
+uint32_t ShardsFor(uint32_t vertices) {
+  constexpr uint32_t kVerticesPerShard = 512;
+  return std::min(std::bit_floor(std::max(vertices / kVerticesPerShard, 1u)), kMaxShards);
 }
 
 }  // namespace glint

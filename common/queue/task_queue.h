@@ -30,16 +30,17 @@ struct QueuedBake {
   int priority = 1;          ///< share of the workers, relative to other bakes', 1 to kMaxPriority
   double lease_seconds = 0;  ///< a message comes again so long after the last sign of life of who has it
   uint32_t shards = 1;       ///< lines that its messages wait in, 1 to kMaxShards
-  std::vector<uint64_t> waiting = {};  ///< messages in each line; from List only
+  std::vector<uint64_t> messages = {};  ///< in each line, waiting or with a worker; from List only
 };
-inline constexpr uint32_t kMaxShards = 256;
+inline constexpr uint32_t kMaxShards = 1024;
 inline constexpr int kMaxPriority = 100;
 
 /// Where a bake's messages are.
 struct QueueState {
-  uint64_t waiting = 0;    ///< for a worker
-  uint64_t in_flight = 0;  ///< with a worker
-  uint64_t requests = 0;   ///< of workers that wait for a message
+  uint64_t waiting = 0;      ///< for a worker
+  uint64_t in_flight = 0;    ///< with a worker
+  uint64_t requests = 0;     ///< of workers that wait for a message
+  uint64_t redelivered = 0;  ///< of those in flight: not for the first time
 };
 
 /// The queue as the coordinator sees it. Every call may be repeated. kIo: the queue does not answer; try
@@ -81,7 +82,7 @@ class TaskSubscription {
 class TaskSource {
  public:
   virtual ~TaskSource() = default;
-  /// Bakes with messages that wait. kIo.
+  /// Bakes with messages. Cheap enough for a thousand workers to ask now and then. kIo.
   virtual Result<std::vector<QueuedBake>> List() = 0;
   virtual Result<std::unique_ptr<TaskSubscription>> Subscribe(const Digest& bake) = 0;
 };

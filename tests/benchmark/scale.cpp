@@ -1,12 +1,14 @@
 // Bakes on simulated fleets (tests/cluster/simulated_cluster.h): prints the table of docs/scale.md.
 //
-//   glint_benchmark_scale [--vertices 1000000] [--trace S] [--gather S] [--merge S] [--layers N]
+//   glint_benchmark_scale [--vertices 1000000] [--trace S] [--gather S] [--merge S] [--layers N] [--workers
+//   N]
 //
 // Seconds are those of one processor: --trace and --gather of a vertex (and layer), --merge of a layer.
 
 #include <cstdio>
 #include <cstdlib>
 #include <string>
+#include <vector>
 
 #include "tests/cluster/simulated_cluster.h"
 
@@ -21,13 +23,15 @@ struct Case {
 void PrintRow(const SimulatedWork& work, SimulatedFleet fleet, int workers) {
   fleet.workers = workers;
   const SimulatedBake bake = SimulateCluster({work}, fleet).front();
-  std::printf("| %d | %.0f | %.2f | %.2f | %.1f %% | %zu | %zu |\n", workers, bake.seconds,
-              bake.RoundEfficiency(workers), bake.Efficiency(workers), 100 * bake.traced_again, bake.tasks,
-              bake.deaths);
+  const double all = bake.seconds * workers / 100;
+  std::printf("| %d | %.0f | %.2f | %.1f | %.1f | %.1f | %.1f | %zu | %zu |\n", workers, bake.seconds,
+              bake.Efficiency(workers), bake.again_seconds / all, bake.turn_seconds / all,
+              bake.message_seconds / all, 100 - bake.worker_seconds / all, bake.tasks, bake.deaths);
 }
 
 int Main(int argc, char** argv) {
   SimulatedWork work;
+  std::vector<int> fleets = {1, 16, 64, 128, 256, 512, 1000};
   for (int i = 1; i + 1 < argc; i += 2) {
     const std::string word = argv[i];
     const double value = std::atof(argv[i + 1]);
@@ -36,16 +40,18 @@ int Main(int argc, char** argv) {
     if (word == "--trace") work.trace_seconds = value;
     if (word == "--gather") work.gather_seconds = value;
     if (word == "--merge") work.merge_seconds = value;
+    if (word == "--workers") fleets = {static_cast<int>(value)};
   }
   const Case cases[] = {{"sound, alike", {}},
                         {"every worker dies once in an hour", {.seconds_between_deaths = 3600}},
                         {"a tenth of them three times as slow", {.stragglers = 0.1}}};
   for (const Case& c : cases) {
     std::printf(
-        "\n%s\n\n| workers | seconds | rounds' efficiency | bake's | traced again | tasks | deaths |\n"
-        "|---|---|---|---|---|---|---|\n",
+        "\n%s\n\n| workers | seconds | efficiency | traced again %% | opening %% | messages %% | waiting %% "
+        "| tasks | deaths "
+        "|\n|---|---|---|---|---|---|---|---|---|\n",
         c.name);
-    for (const int workers : {1, 16, 64, 128, 256, 512, 1000}) PrintRow(work, c.fleet, workers);
+    for (const int workers : fleets) PrintRow(work, c.fleet, workers);
   }
   return 0;
 }

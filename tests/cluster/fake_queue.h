@@ -78,7 +78,7 @@ class FakeQueue : public TaskPublisher, public TaskSource {
     for (const auto& [key, bake] : bakes_) {
       if (bake.Waiting() == 0) continue;
       list.push_back(bake.about);
-      for (const auto& line : bake.lines) list.back().waiting.push_back(line.size());
+      for (const auto& line : bake.lines) list.back().messages.push_back(line.size());
     }
     return list;
   }

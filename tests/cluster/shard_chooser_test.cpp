@@ -24,10 +24,27 @@ TEST(ShardTest, CoversTheSurfaceInOrder) {
   EXPECT_EQ(last, kShards - 1);
 }
 
-TEST(ShardTest, AreAsManyAsTheTasksNeed) {
+TEST(ShardTest, AreAsManyAsTheSurfaceNeeds) {
   EXPECT_EQ(ShardsFor(1), 1u);
-  EXPECT_EQ(ShardsFor(48), 8u);
+  EXPECT_EQ(ShardsFor(3000), 4u);
   EXPECT_EQ(ShardsFor(4'000'000), kMaxShards);
+}
+
+TEST(ShardChooserTest, DoesNotAskAgainForWhatOthersHave) {
+  ShardChooser chooser(3, 1);
+  chooser.Update(std::vector<uint64_t>{5, 3, 0});
+  chooser.FoundEmpty(0);
+  EXPECT_FALSE(chooser.Choose().waits) << "until the queue is asked";
+  chooser.Update(std::vector<uint64_t>{5, 3, 0});
+  EXPECT_EQ(chooser.Choose().shard, 1u);
+  chooser.FoundEmpty(1);
+  chooser.Update(std::vector<uint64_t>{4, 2, 0});
+  EXPECT_FALSE(chooser.Choose().waits);
+  chooser.Update(std::vector<uint64_t>{0, 2, 0});
+  EXPECT_EQ(chooser.Choose().shard, 1u) << "one of them may come again";
+  chooser.Took({Sha256({}), 0, 1});
+  chooser.Update(std::vector<uint64_t>{0, 2, 0});
+  EXPECT_TRUE(chooser.Choose().waits) << "of the next round";
 }
 
 TEST(ShardChooserTest, PrefersWhatItKeepsThenWhatIsLongest) {
@@ -42,7 +59,7 @@ TEST(ShardChooserTest, PrefersWhatItKeepsThenWhatIsLongest) {
   for (int i = 0; i < 5; ++i) chooser.Took({{}, 0, 1});
   EXPECT_EQ(chooser.Choose().shard, 0u);
   EXPECT_TRUE(chooser.Choose().waits);
-  chooser.FoundEmpty();
+  chooser.FoundEmpty(0);
   EXPECT_FALSE(chooser.Choose().waits);
   EXPECT_EQ(chooser.Choose().shard, 2u) << "waits where its own tasks will come";
 }

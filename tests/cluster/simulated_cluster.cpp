@@ -57,7 +57,8 @@ class Queue : public TaskPublisher {
   };
   using Waiter = std::function<void(std::optional<Message>)>;
 
-  Queue(Clock* clock, double lease_seconds) : clock_(*clock), lease_seconds_(lease_seconds) {}
+  Queue(Clock* clock, const SimulatedFleet& fleet)
+      : clock_(*clock), lease_seconds_(fleet.lease_seconds), look_seconds_(fleet.look_seconds) {}
 
   Status Open(const QueuedBake& bake) override {
     bakes_[bake.bake] = {bake, std::vector<Line>(bake.shards), {}};
@@ -79,16 +80,27 @@ class Queue : public TaskPublisher {
     return {};
   }
 
+  /// Tells what waits, once the server has come to it: it answers one worker after the other.
+  void Look(std::function<void(const std::vector<QueuedBake>&)> looker) {
+    size_t lines = 0;
+    for (const QueuedBake& bake : List())
+      lines += static_cast<size_t>(
+          std::count_if(bake.messages.begin(), bake.messages.end(), [](uint64_t n) { return n > 0; }));
+    answered_ = std::max(answered_, clock_.now()) + look_seconds_ * static_cast<double>(lines);
+    clock_.After(answered_ - clock_.now(), [this, looker = std::move(looker)] { looker(List()); });
+  }
+  /// Bakes with messages.
   std::vector<QueuedBake> List() const {
     std::vector<QueuedBake> list;
     for (const auto& [key, bake] : bakes_) {
       list.push_back(bake.about);
-      uint64_t waiting = bake.in_flight.size();
+      uint64_t messages = bake.in_flight.size();
       for (const Line& line : bake.lines) {
-        list.back().waiting.push_back(line.messages.size());
-        waiting += line.messages.size();
+        list.back().messages.push_back(line.messages.size());
+        messages += line.messages.size();
       }
-      if (waiting == 0) list.pop_back();
+      for (const auto& [id, message] : bake.in_flight) ++list.back().messages[message.task.shard];
+      if (messages == 0) list.pop_back();
     }
     return list;
   }
@@ -148,7 +160,8 @@ class Queue : public TaskPublisher {
   }
 
   Clock& clock_;
-  const double lease_seconds_;
+  const double lease_seconds_, look_seconds_;
+  double answered_ = 0;  ///< when the server is done with those who have asked it
   uint64_t next_ = 0;
   std::map<Digest, Bake> bakes_;
 };
@@ -165,14 +178,17 @@ class Bake : public RoundLedger {
     about.lease_seconds = lease_seconds;
     key_ = about.bake;
     ClusterOptions options;
-    options.now = [clock] { return clock->now(); };
+    options.now = [this, clock] { return clock->now() + looked_seconds_; };
     dispatcher_ = std::make_unique<RoundDispatcher>(queue, about, options, [] { return false; });
     for (uint32_t v = 0; v < work.vertices; ++v) shape_.push_back(Unevenness(v));
     traced_.assign(work.vertices, false);
     BeginLayer();
   }
 
-  bool Finished(size_t task) override { return finished_[task]; }
+  bool Finished(size_t task) override {
+    looked_seconds_ += kFindSeconds;
+    return finished_[task];
+  }
   std::optional<QuarantineRecord> GivenUp(size_t) override { return std::nullopt; }
 
   const Digest& key() const { return key_; }
@@ -183,10 +199,11 @@ class Bake : public RoundLedger {
   /// Cost of a vertex, relative to the mean.
   float shape(uint32_t vertex) const { return shape_[vertex]; }
 
-  /// A worker has traced a vertex.
-  void Trace(uint32_t vertex) {
+  /// A worker has traced a vertex, in so many seconds.
+  void Trace(uint32_t vertex, double seconds) {
     ++vertices_traced_;
     traced_again_ += traced_[vertex];
+    if (traced_[vertex]) result.again_seconds += seconds;
     traced_[vertex] = true;
   }
   void Finish(const TaskMessage& task, double seconds) {
@@ -210,6 +227,8 @@ class Bake : public RoundLedger {
   SimulatedBake result;
 
  private:
+  static constexpr double kFindSeconds = 20e-6;  ///< to look whether a task is finished
+
   /// Slow waves of cheap and dear regions, with the mean 1.
   float Unevenness(uint32_t v) const {
     const double phase = 2 * 3.14159265358979 * 5 * v / work_.vertices;
@@ -263,7 +282,7 @@ class Bake : public RoundLedger {
   std::vector<bool> traced_;
   uint64_t vertices_traced_ = 0, traced_again_ = 0;
   int layer_ = 0;
-  double begin_ = 0;
+  double begin_ = 0, looked_seconds_ = 0;
   std::vector<TaskSpec> tasks_;
   std::vector<bool> finished_;
   std::vector<MeasuredBlock> measured_;
@@ -288,7 +307,9 @@ class Worker {
   static constexpr double kIdleSeconds = 0.25, kShareSeconds = 30;
 
   void Choose() {
-    const std::vector<QueuedBake> bakes = queue_.List();
+    queue_.Look([this](const std::vector<QueuedBake>& bakes) { Choose(bakes); });
+  }
+  void Choose(const std::vector<QueuedBake>& bakes) {
     if (bakes.empty()) return clock_.After(kIdleSeconds, [this] { Choose(); });
     const QueuedBake& bake = bakes[ChooseBake(bakes, &random_)];
     if (!at_work_ || at_work_->key() != bake.bake) Enter(bake);
@@ -305,18 +326,22 @@ class Worker {
   }
 
   void Fetch() {
-    ShardChooser::Choice where = shards_->Choose();
-    if (!where.waits && clock_.now() >= next_look_) {
-      for (const QueuedBake& bake : queue_.List())
-        if (bake.bake == at_work_->key()) shards_->Update(bake.waiting);
+    const ShardChooser::Choice where = shards_->Choose();
+    if (where.waits) return Fetch(where);
+    if (clock_.now() < next_look_) return clock_.After(next_look_ - clock_.now(), [this] { Fetch(); });
+    queue_.Look([this](const std::vector<QueuedBake>& bakes) {
+      for (const QueuedBake& bake : bakes)
+        if (bake.bake == at_work_->key()) shards_->Update(bake.messages);
       next_look_ = clock_.now() + kListSeconds;
-      where = shards_->Choose();
-    }
+      Fetch(shards_->Choose());
+    });
+  }
+  void Fetch(const ShardChooser::Choice& where) {
     queue_.Fetch(at_work_->key(), where.shard, where.waits ? kProbeSeconds : kFetchSeconds,
                  [this, where](std::optional<Queue::Message> message) {
                    if (message) return Compute(*message);
                    if (!where.waits) return Choose();
-                   shards_->FoundEmpty();
+                   shards_->FoundEmpty(where.shard);
                    Fetch();
                  });
   }
@@ -325,9 +350,12 @@ class Worker {
     shards_->Took(message.task);
     const bool wanted = at_work_->Wants(message.task);
     const double gather = wanted ? slowness_ * GatherSeconds(at_work_->block(message.task)) : 0;
-    const double seconds = fleet_.task_seconds + gather + (wanted ? slowness_ * TurnSeconds() : 0);
+    const double turn = wanted ? slowness_ * TurnSeconds() : 0;
+    const double seconds = fleet_.task_seconds + gather + turn;
     if (clock_.now() + seconds > death_) return Die(message);
     at_work_->result.worker_seconds += seconds;
+    at_work_->result.turn_seconds += turn;
+    at_work_->result.message_seconds += fleet_.task_seconds;
     clock_.After(seconds, [this, message, gather, wanted] {
       if (wanted) at_work_->Finish(message.task, gather);
       queue_.Done(at_work_->key(), message);
@@ -345,8 +373,9 @@ class Worker {
       seconds += at_work_->shape(v) * at_work_->work().gather_seconds;
       if (kept_[v]) continue;
       kept_[v] = true;
-      at_work_->Trace(v);
-      seconds += at_work_->shape(v) * at_work_->work().trace_seconds;
+      const double trace = at_work_->shape(v) * at_work_->work().trace_seconds;
+      at_work_->Trace(v, slowness_ * trace);
+      seconds += trace;
     }
     shards_->Keep(block, at_work_->work().vertices);
     return seconds;
@@ -394,7 +423,7 @@ class Worker {
 std::vector<SimulatedBake> SimulateCluster(const std::vector<SimulatedWork>& work,
                                            const SimulatedFleet& fleet, double until) {
   Clock clock;
-  Queue queue(&clock, fleet.lease_seconds);
+  Queue queue(&clock, fleet);
   std::vector<std::unique_ptr<Bake>> bakes;
   std::map<Digest, Bake*> by_key;
   for (const SimulatedWork& w : work) {

@@ -22,6 +22,8 @@ struct SimulatedWork {
 struct SimulatedFleet {
   int workers = 1;              ///< of one thread
   double task_seconds = 0.012;  ///< fetching a message, publishing the chunk, acknowledging
+  double look_seconds =
+      3e-6;  ///< of the queue's server, for each line with messages that a worker is told of
   double lease_seconds = 30;
   double seconds_between_deaths = 0;  ///< of one worker, in the mean; 0: none dies
   double restart_seconds = 30;        ///< until one that died is back, with nothing in memory
@@ -35,7 +37,10 @@ struct SimulatedBake {
   double round_seconds = 0;
   double work_seconds = 0;    ///< of one processor that does everything once and never waits
   double traced_again = 0;    ///< part of what was traced: for the second time or more
-  double worker_seconds = 0;  ///< that workers spent on it
+  double worker_seconds = 0;  ///< that workers spent on it; of these:
+  double again_seconds = 0;   ///< tracing what was traced before
+  double turn_seconds = 0;    ///< opening the surface, reading layers
+  double message_seconds = 0;
   size_t tasks = 0, computed_twice = 0, deaths = 0;
 
   /// Part of the workers' time that went into work that had to be done.

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "common/queue/shard.h"
 #include "common/round/round_files.h"
 #include "coordinator/round_plan.h"
 #include "tests/base/temp_folder.h"
@@ -32,22 +33,35 @@ void ExpectCovers(const std::vector<GatherBlock>& blocks, uint32_t vertices, uin
 }
 
 TEST(PartitionTest, TasksTakeAlikeWhereVerticesDoNot) {
-  std::vector<float> seconds(200'000);
-  for (size_t v = 0; v < seconds.size(); ++v) seconds[v] = v < 100'000 ? 0.002f : 0.02f;
+  constexpr uint32_t kVertices = 200'000;
+  std::vector<float> seconds(kVertices);
+  for (size_t v = 0; v < kVertices; ++v) seconds[v] = v < kVertices / 2 ? 0.02f : 0.1f;
   const std::vector<GatherBlock> blocks = CutByCost(seconds, 642, 642);
-  ExpectCovers(blocks, 200'000, 642);
-  for (size_t i = 0; i + 1 < blocks.size(); ++i) {
-    EXPECT_GE(Seconds(blocks[i], seconds), 0.99 * kShortestTaskSeconds);
-    EXPECT_LE(Seconds(blocks[i], seconds), 1.02 * kShortestTaskSeconds + 0.02);
+  ExpectCovers(blocks, kVertices, 642);
+  for (const GatherBlock& block : blocks) {
+    EXPECT_GE(Seconds(block, seconds), 0.8 * kShortestTaskSeconds);
+    EXPECT_LE(Seconds(block, seconds), 1.2 * kShortestTaskSeconds);
+  }
+}
+
+TEST(PartitionTest, NoTaskIsOfTwoShards) {
+  constexpr uint32_t kVertices = 10'007;
+  const uint32_t shards = ShardsFor(kVertices);
+  ASSERT_GT(shards, 8u);
+  for (const float seconds : {0.0f, 0.001f, 0.01f, 3.0f}) {
+    for (const GatherBlock& block : CutByCost(std::vector<float>(kVertices, seconds), 12, 12)) {
+      EXPECT_EQ(ShardOf(block.first_vertex, kVertices, shards),
+                ShardOf(block.first_vertex + block.vertices - 1, kVertices, shards));
+    }
   }
 }
 
 TEST(PartitionTest, TasksAreNeitherLongNorTinyNorFew) {
   const std::vector<float> dear(1'000'000, 1.0f);  // 11 days
   for (const GatherBlock& block : CutByCost(dear, 12, 12))
-    EXPECT_LE(Seconds(block, dear), kLongestTaskSeconds);
-  EXPECT_NEAR(CutByCost(std::vector<float>(10'000, 0.001f), 12, 12).size(), kFewestTasks, 1);
-  EXPECT_EQ(CutByCost(std::vector<float>(500, 0.001f), 12, 12).size(), 8u) << "of 64 vertices";
+    EXPECT_LE(Seconds(block, dear), 1.05 * kLongestTaskSeconds);
+  EXPECT_EQ(CutByCost(std::vector<float>(10'000, 0.001f), 12, 12).size(), kFewestTasks);
+  EXPECT_EQ(CutByCost(std::vector<float>(500, 0.001f), 12, 12).size(), 7u) << "of at least 64 vertices";
   EXPECT_EQ(CutByCost(std::vector<float>(50, 30.0f), 12, 12).size(), 50u) << "each more than enough";
   EXPECT_TRUE(CutByCost({}, 12, 12).empty());
 }
