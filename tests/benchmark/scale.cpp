@@ -1,9 +1,10 @@
 // Bakes on simulated fleets (tests/cluster/simulated_cluster.h): prints the table of docs/scale.md.
 //
-//   glint_benchmark_scale [--vertices 1000000] [--trace S] [--gather S] [--merge S] [--layers N] [--workers
-//   N]
+//   glint_benchmark_scale [--vertices 1000000] [--trace S] [--gather S] [--merge S] [--layers N]
+//                         [--workers N] [--look S]
 //
-// Seconds are those of one processor: --trace and --gather of a vertex (and layer), --merge of a layer.
+// Seconds are those of one processor: --trace and --gather of a vertex (and layer), --merge of a layer,
+// --look of the queue's server, to tell a worker of one line.
 
 #include <cstdio>
 #include <cstdlib>
@@ -20,8 +21,9 @@ struct Case {
   SimulatedFleet fleet;
 };
 
-void PrintRow(const SimulatedWork& work, SimulatedFleet fleet, int workers) {
+void PrintRow(const SimulatedWork& work, SimulatedFleet fleet, int workers, double look) {
   fleet.workers = workers;
+  fleet.look_seconds = look;
   const SimulatedBake bake = SimulateCluster({work}, fleet).front();
   const double all = bake.seconds * workers / 100;
   std::printf("| %d | %.0f | %.2f | %.1f | %.1f | %.1f | %.1f | %zu | %zu |\n", workers, bake.seconds,
@@ -31,6 +33,7 @@ void PrintRow(const SimulatedWork& work, SimulatedFleet fleet, int workers) {
 
 int Main(int argc, char** argv) {
   SimulatedWork work;
+  double look = SimulatedFleet().look_seconds;
   std::vector<int> fleets = {1, 16, 64, 128, 256, 512, 1000};
   for (int i = 1; i + 1 < argc; i += 2) {
     const std::string word = argv[i];
@@ -40,6 +43,7 @@ int Main(int argc, char** argv) {
     if (word == "--trace") work.trace_seconds = value;
     if (word == "--gather") work.gather_seconds = value;
     if (word == "--merge") work.merge_seconds = value;
+    if (word == "--look") look = value;
     if (word == "--workers") fleets = {static_cast<int>(value)};
   }
   const Case cases[] = {{"sound, alike", {}},
@@ -51,7 +55,7 @@ int Main(int argc, char** argv) {
         "| tasks | deaths "
         "|\n|---|---|---|---|---|---|---|---|---|\n",
         c.name);
-    for (const int workers : fleets) PrintRow(work, c.fleet, workers);
+    for (const int workers : fleets) PrintRow(work, c.fleet, workers, look);
   }
   return 0;
 }

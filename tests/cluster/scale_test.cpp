@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kWorkers = 64;
 
-/// A bake with many directions and sharp lobes.
+/// Vertices that take ten times what those of the small bakes took that were measured: docs/scale.md.
 SimulatedWork Heavy() { return {.trace_seconds = 16e-3, .gather_seconds = 8e-3}; }
 
 SimulatedBake Simulate(const SimulatedWork& work, const SimulatedFleet& fleet) {
@@ -20,7 +20,7 @@ SimulatedBake Simulate(const SimulatedWork& work, const SimulatedFleet& fleet) {
 TEST(ScaleTest, KeepsSixtyFourWorkersBusy) {
   const SimulatedBake bake = Simulate(Heavy(), {.workers = kWorkers});
   EXPECT_GE(bake.RoundEfficiency(kWorkers), 0.9);
-  EXPECT_LT(bake.traced_again, 0.15);
+  EXPECT_LT(bake.traced_again, 0.1);
   EXPECT_EQ(bake.computed_twice, 0u);
 }
 
@@ -30,10 +30,17 @@ TEST(ScaleTest, TwoWorkersHardlyTraceWhatTheOtherTraced) {
   EXPECT_GE(bake.RoundEfficiency(2), 0.85);
 }
 
+// What docs/scale.md says, where it ends.
+TEST(ScaleTest, KeepsMostOfTwoHundredAndFiftySixBusy) {
+  EXPECT_GE(Simulate(Heavy(), {.workers = 256}).RoundEfficiency(256), 0.78);
+}
+
 TEST(ScaleTest, AThousandWorkersFinishSooner) {
-  const double few = Simulate({}, {.workers = kWorkers}).round_seconds;
-  const double many = Simulate({}, {.workers = 1000}).round_seconds;
-  EXPECT_LT(many, 0.6 * few);
+  SimulatedWork work = Heavy();
+  work.vertices = 200'000;
+  const double few = Simulate(work, {.workers = kWorkers}).round_seconds;
+  const double many = Simulate(work, {.workers = 1000}).round_seconds;
+  EXPECT_LT(many, 0.3 * few);
 }
 
 TEST(ScaleTest, DeathsCostALeaseAndTheirTask) {

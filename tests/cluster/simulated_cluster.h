@@ -6,7 +6,8 @@
 
 namespace glint {
 
-/// What bakes and machines are like, in seconds. Defaults are measured (docs/scale.md).
+/// What bakes and machines are like, in seconds. The defaults are of the order of what a small bake of the
+/// teapot and a NATS server took (docs/scale.md); they are no averages over scenes or machines.
 struct SimulatedWork {
   uint32_t vertices = 1'000'000;
   int layers = 4;
