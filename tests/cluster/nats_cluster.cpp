@@ -12,7 +12,9 @@ NatsCluster::NatsCluster(const std::filesystem::path& folder) : folder_(folder) 
   for (int& port : client_port_) port = FreePort();
   for (int& port : route_port_) port = FreePort();
   std::string routes;
-  for (const int port : route_port_) routes += " nats-route://127.0.0.1:" + std::to_string(port);
+  for (const int port : route_port_)
+    routes +=
+        (routes.empty() ? "nats-route://127.0.0.1:" : ", nats-route://127.0.0.1:") + std::to_string(port);
   for (int node = 0; node < kNodes; ++node) {
     const auto n = static_cast<size_t>(node);
     std::filesystem::create_directories(Folder(node));
