@@ -20,6 +20,7 @@
 #include "coordinator/bake_target.h"
 #include "coordinator/layer.h"
 #include "coordinator/local_executor.h"
+#include "coordinator/round_plan.h"
 #include "coordinator/work_folder.h"
 #include "worker/execution_id.h"
 
@@ -54,26 +55,6 @@ Digest ArchiveKey(const Digest& bake_key, const Scene& scene, const std::string&
   hasher.Add(uint64_t{scene.notes.size()});
   for (const std::string& note : scene.notes) hasher.String(note);
   return hasher.Finish();
-}
-
-/// Vertices per task: small enough that threads end together and a kill loses little, large enough that
-/// publishing a chunk (a few milliseconds of fsync) is lost in the work.
-uint32_t DefaultVerticesPerTask(uint32_t vertices) { return std::clamp(vertices / 48, 64u, 1024u); }
-
-/// Blocks of vertices x directions, ordered by first vertex, then first column.
-std::vector<TaskSpec> Partition(const BakeOptions& options, uint32_t vertices, uint32_t columns, int layer,
-                                const Digest& bake_key, const Digest& previous) {
-  const uint32_t vertex_step =
-      options.vertices_per_task ? options.vertices_per_task : DefaultVerticesPerTask(vertices);
-  const uint32_t column_step =
-      options.directions_per_task ? std::min(options.directions_per_task, columns) : columns;
-  std::vector<TaskSpec> tasks;
-  for (uint32_t v = 0; v < vertices; v += vertex_step)
-    for (uint32_t c = 0; c < columns; c += column_step) {
-      const GatherBlock block{v, std::min(vertex_step, vertices - v), c, std::min(column_step, columns - c)};
-      tasks.push_back({TaskKey(bake_key, layer, block, previous), layer, block});
-    }
-  return tasks;
 }
 
 /// Measures stages and passes progress on.
@@ -227,11 +208,14 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
                          make_executor({scene.content, domain, grid, options.settings, work.store(), threads,
                                         memory, options.stop}));
 
+  const PlanInput plan{
+      scene.content, domain, grid, options.settings, options.vertices_per_task, options.directions_per_task,
+      work.store()};
   std::deque<Layer> layers;
+  std::vector<TaskSpec> tasks;
   for (int index = 0; index <= options.max_layers; ++index) {
     const Digest previous = layers.empty() ? Digest{} : layers.back().digest;
-    const std::vector<TaskSpec> tasks =
-        Partition(options, domain.vertex_count(), grid.size(), index, bake_key, previous);
+    GLINT_ASSIGN_OR_RETURN(tasks, PlanRound(plan, index, previous, tasks));
     GLINT_ASSIGN_OR_RETURN(
         Layer layer, BakeLayer(tasks, layers.empty() ? nullptr : &layers.back(), work.store(), domain, grid,
                                options, threads, executor.get(), &progress));

@@ -8,6 +8,8 @@
 namespace glint {
 
 void SleepSeconds(double seconds);
+/// Of a clock that only goes forward.
+double SteadySeconds();
 
 struct ClusterOptions {
   int priority = 1;  ///< share of the workers, relative to other bakes', 1 to kMaxPriority
@@ -16,6 +18,7 @@ struct ClusterOptions {
   uint64_t max_queued = 20'000;  ///< messages of the bake in the queue at a time
   /// How time passes; tests have a time of their own.
   std::function<void(double seconds)> wait = SleepSeconds;
+  std::function<double()> now = SteadySeconds;
 };
 
 /// Has a round's tasks run by workers that share the bake's folder and listen to the queue. What is finished

@@ -64,13 +64,13 @@ class LocalExecutor : public Executor {
     std::call_once(*begun, [&] {
       gatherer_->BeginLayer(task.layer, round.previous ? &round.previous->views : nullptr, threads_);
     });
-    GLINT_RETURN_IF_ERROR(PublishResult(task, Compute(task), &store_));
+    GLINT_RETURN_IF_ERROR(PublishTask(task, Compute(task), &store_));
     return false;
   }
 
-  BlockResult Compute(const TaskSpec& task) {
+  GatheredTask Compute(const TaskSpec& task) {
     const Turn turn(&turns_);
-    return gatherer_->Gather(task.block);
+    return GatherTask(task, *gatherer_);
   }
 
   const RayScene rays_;

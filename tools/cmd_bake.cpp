@@ -135,6 +135,7 @@ Command AddBakeCommand(CLI::App& glint, CommonWords& common) {
   AddMachineWords(app, *words);
   AddTaskWords(app, words->options);
   AddNatsWords(app, words->nats);
+  AddReplicasWord(app, words->nats);
   AddPriorityWord(app, words->cluster);
   AddLeaseWord(app, words->cluster);
   AddCommonWords(app, common);

@@ -134,6 +134,7 @@ Command AddServeCommand(CLI::App& glint, CommonWords& common) {
       ->capture_default_str()
       ->type_name("H");
   AddNatsWords(app, words->nats);
+  AddReplicasWord(app, words->nats);
   AddLeaseWord(app, words->cluster);
   AddMonitorWords(app, words->monitor);
   AddCommonWords(app, common);

@@ -27,6 +27,15 @@ void AddNatsWords(CLI::App& app, NatsOptions& nats) {
       ->group(kGroup);
 }
 
+void AddReplicasWord(CLI::App& app, NatsOptions& nats) {
+  app.add_option("--nats-replicas", nats.replicas,
+                 "NATS servers that hold each message: 3 where there are three")
+      ->check(CLI::Range(1, 5))
+      ->capture_default_str()
+      ->type_name("N")
+      ->group(kGroup);
+}
+
 void AddPriorityWord(CLI::App& app, ClusterOptions& cluster) {
   app.add_option("--priority", cluster.priority, "Share of the workers, relative to other bakes'")
       ->check(CLI::Range(1, kMaxPriority))

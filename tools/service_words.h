@@ -9,6 +9,8 @@ namespace glint {
 
 /// Where the queue is and who this program is to it.
 void AddNatsWords(CLI::App& app, NatsOptions& nats);
+/// How many of its servers hold each message; for those that publish.
+void AddReplicasWord(CLI::App& app, NatsOptions& nats);
 /// How a bake shares the workers.
 void AddPriorityWord(CLI::App& app, ClusterOptions& cluster);
 void AddLeaseWord(CLI::App& app, ClusterOptions& cluster);

@@ -114,6 +114,11 @@ Result<bool> BakeRunner::Run(const RoundManifest& round, size_t index) {
   return false;
 }
 
+uint32_t BakeRunner::vertices() const {
+  const std::shared_lock lock(state_->mutex);
+  return state_->surface ? state_->surface->domain.vertex_count() : 0;
+}
+
 Status CheckExecution(const RoundManifest& round) {
   static const std::string own = ExecutionId();
   if (round.execution == own) return {};

@@ -32,6 +32,8 @@ class BakeRunner {
   /// kMismatch: this program cannot compute the bake's tasks; kBadInput, kLimit: the round's input is
   /// missing, damaged or too large; kIo.
   Result<bool> Run(const RoundManifest& round, size_t index);
+  /// Of the surface; 0 before the first task.
+  uint32_t vertices() const;
 
  private:
   struct Surface;

@@ -13,7 +13,14 @@ namespace glint {
 /// @param meter  null: nobody watches
 Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store, WorkerMeter* meter = nullptr);
 
-/// Its second half: publishes what the gatherer found.
-Status PublishResult(const TaskSpec& task, const BlockResult& result, ChunkStore* store);
+/// What the gatherer found, and the processor time that it took.
+struct GatheredTask {
+  BlockResult result;
+  double seconds = 0;
+};
+
+// The two halves of ComputeTask.
+GatheredTask GatherTask(const TaskSpec& task, Gatherer& gatherer);
+Status PublishTask(const TaskSpec& task, const GatheredTask& gathered, ChunkStore* store);
 
 }  // namespace glint

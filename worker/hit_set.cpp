@@ -11,18 +11,6 @@
 namespace glint {
 namespace {
 
-/// Side of the lattice that serves a shape: rays for its sharpest lobe, within the bounds. The sharper a
-/// lobe, the less there is within it to tell apart, so rays grow as kappa^(3/4) only: at equal rays per kappa
-/// the indirect layers' error fell from exponent 128 to 512 by half.
-int LatticeSide(const BrdfShape& shape, const BakeSettings& settings) {
-  const float kappa = SharpestKappa(shape);
-  constexpr float kReference = 128;
-  const float wanted = settings.rays_per_kappa * kappa * std::pow(kReference / kappa, 0.25f);
-  const float rays =
-      std::clamp(wanted, static_cast<float>(settings.min_rays), static_cast<float>(settings.max_rays));
-  return std::max(1, static_cast<int>(std::lround(std::sqrt(rays) / 4))) * 4;
-}
-
 SurfaceHit Quantize(const Hit& hit) {
   return {hit.triangle, static_cast<uint16_t>(std::lround(std::clamp(hit.u, 0.0f, 1.0f) * 65535)),
           static_cast<uint16_t>(std::lround(std::clamp(hit.v, 0.0f, 1.0f) * 65535))};
@@ -268,6 +256,18 @@ float SharpestKappa(const BrdfShape& shape) {
     for (int k = 0; k < slice.lobes; ++k)
       if (slice.lobe[k].scale + slice.lobe[k].bias > 0.02f) kappa = std::max(kappa, slice.lobe[k].kappa);
   return kappa;
+}
+
+// Rays for the sharpest lobe, within the bounds. The sharper a lobe, the less there is within it to tell
+// apart, so rays grow as kappa^(3/4) only: at equal rays per kappa the indirect layers' error fell from
+// exponent 128 to 512 by half.
+int LatticeSide(const BrdfShape& shape, const BakeSettings& settings) {
+  const float kappa = SharpestKappa(shape);
+  constexpr float kReference = 128;
+  const float wanted = settings.rays_per_kappa * kappa * std::pow(kReference / kappa, 0.25f);
+  const float rays =
+      std::clamp(wanted, static_cast<float>(settings.min_rays), static_cast<float>(settings.max_rays));
+  return std::max(1, static_cast<int>(std::lround(std::sqrt(rays) / 4))) * 4;
 }
 
 HitSetCache::HitSetCache(const GatherInput& input, const BakeSettings& settings, uint64_t memory_bytes)

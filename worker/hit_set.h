@@ -47,6 +47,8 @@ struct HitSet {
 
 /// Of the lobes that reflect anything to speak of, at least 1.
 float SharpestKappa(const BrdfShape& shape);
+/// Side of the lattice that serves a shape; its square is the number of base rays of a vertex.
+int LatticeSide(const BrdfShape& shape, const BakeSettings& settings);
 
 /// Traces and keeps hit sets. Thread-safe; what does not fit into the memory bound is traced again when it is
 /// needed.

@@ -19,6 +19,7 @@
 #include "worker/execution_id.h"
 #include "worker/isolated_task.h"
 #include "worker/lease_keeper.h"
+#include "worker/shard_chooser.h"
 
 namespace glint {
 namespace {
@@ -26,8 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-constexpr int kLastDelivery = 3;  ///< a task that fails then is given up
-constexpr double kFetchSeconds = 1;
+constexpr int kLastDelivery = 3;        ///< a task that fails then is given up
 constexpr double kReturnSeconds = 1;    ///< until a task that failed comes again, ...
 constexpr double kIoReturnSeconds = 5;  ///< ... and where the disk is full or a server away
 constexpr int kSignsPerLease = 3;
@@ -53,6 +53,7 @@ class BakeAtWork {
   const fs::path& folder() const { return folder_; }
   BakeRunner& runner() { return runner_; }
   const ChunkStore& store() const { return store_; }
+  ShardChooser& shards() { return shards_; }
   /// Null: there is no such round (any more).
   std::shared_ptr<const RoundManifest> Round(const Digest& name) {
     const std::lock_guard lock(mutex_);
@@ -69,12 +70,14 @@ class BakeAtWork {
       : bake_(std::move(bake)),
         folder_(std::move(folder)),
         runner_(std::move(runner)),
-        store_(std::move(store)) {}
+        store_(std::move(store)),
+        shards_(bake_.shards, std::random_device{}()) {}
 
   const QueuedBake bake_;
   const fs::path folder_;
   BakeRunner runner_;
   const ChunkStore store_;
+  ShardChooser shards_;
   std::mutex mutex_;
   Digest round_name_;
   std::shared_ptr<const RoundManifest> round_;
@@ -114,9 +117,7 @@ class Worker {
   std::optional<QueuedBake> Choose() {
     const std::vector<QueuedBake> bakes = ListFitting();
     if (bakes.empty()) return std::nullopt;
-    std::vector<double> weights;
-    for (const QueuedBake& bake : bakes) weights.push_back(bake.priority);
-    return bakes[std::discrete_distribution<size_t>(weights.begin(), weights.end())(random_)];
+    return bakes[ChooseBake(bakes, &random_)];
   }
 
   /// Bakes with tasks that this worker can compute; says once why it takes none of another's.
@@ -142,7 +143,7 @@ class Worker {
 
   /// Makes the bake the one at work.
   bool Enter(const QueuedBake& bake) {
-    if (at_work_ && at_work_->bake().bake == bake.bake) return true;
+    if (at_work_ && at_work_->bake().bake == bake.bake && at_work_->bake().shards == bake.shards) return true;
     at_work_.reset();  // first: memory for one bake
     Result<std::unique_ptr<BakeAtWork>> opened = BakeAtWork::Open(bake, options_, &meter_);
     if (!opened.ok()) {
@@ -167,20 +168,39 @@ class Worker {
 
   /// One thread's tasks, until there are none for any thread, or other bakes have waited long enough.
   void TakeTasks() {
+    ShardChooser& shards = at_work_->shards();
     Result<std::unique_ptr<TaskSubscription>> subscription = source_.Subscribe(at_work_->bake().bake);
     while (subscription.ok() && !StopRequested() && !leave_) {
-      Result<std::unique_ptr<TaskLease>> lease = (*subscription)->Fetch(kFetchSeconds);
+      const ShardChooser::Choice where = ChooseShard();
+      Result<std::unique_ptr<TaskLease>> lease =
+          (*subscription)->Fetch(where.shard, where.waits ? kProbeSeconds : kFetchSeconds);
       if (lease.ok() && *lease) {
+        shards.Took((*lease)->message());
         ++meter_.busy;
         Handle(lease->get());
         --meter_.busy;
         MakeRoomForOthers();
+      } else if (lease.ok() && where.waits) {
+        shards.FoundEmpty(where.shard);
       } else if (meter_.busy == 0) {
         return;
       } else if (!lease.ok()) {
         std::this_thread::sleep_for(kIdle);
       }
     }
+  }
+
+  /// The line to ask next; asks the queue what there is if that is not known, though not all the time.
+  ShardChooser::Choice ChooseShard() {
+    ShardChooser& shards = at_work_->shards();
+    if (const ShardChooser::Choice choice = shards.Choose(); choice.waits) return choice;
+    const std::lock_guard lock(list_mutex_);
+    if (const ShardChooser::Choice choice = shards.Choose(); choice.waits) return choice;
+    std::this_thread::sleep_until(next_look_);
+    for (const QueuedBake& bake : ListFitting())
+      if (bake.bake == at_work_->bake().bake) shards.Update(bake.messages);
+    next_look_ = Clock::now() + Seconds(kListSeconds);
+    return shards.Choose();
   }
 
   void MakeRoomForOthers() {
@@ -215,6 +235,8 @@ class Worker {
   Outcome ComputeHere(const RoundManifest& round, size_t index) {
     try {
       const Result<bool> was_there = at_work_->runner().Run(round, index);
+      if (was_there.ok() && !*was_there)
+        at_work_->shards().Keep(round.blocks[index], at_work_->runner().vertices());
       return {was_there.status(), was_there.ok() && *was_there, {}};
     } catch (const std::bad_alloc&) {
       return {LimitExceeded("out of memory; give the worker fewer threads or a larger machine"), false, {}};
@@ -284,7 +306,7 @@ class Worker {
   std::unique_ptr<BakeAtWork> at_work_;
   std::atomic<bool> leave_{false};
   std::mutex list_mutex_;  ///< of what follows, while threads take tasks
-  Clock::time_point next_list_;
+  Clock::time_point next_list_, next_look_;
   std::set<Digest> told_;
   std::string told_status_;
 };

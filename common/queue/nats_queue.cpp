@@ -6,7 +6,10 @@
 
 #include <algorithm>
 #include <charconv>
+#include <chrono>
 #include <cmath>
+#include <map>
+#include <mutex>
 #include <string_view>
 #include <utility>
 
@@ -16,7 +19,7 @@ namespace glint {
 namespace {
 
 constexpr char kStream[] = "BAKE";
-constexpr char kSubjects[] = "bake.*.task";
+constexpr char kSubjects[] = "bake.*.task.*";
 constexpr int32_t kMaxMessageBytes = 256;                ///< ours have 65 to 84
 constexpr int64_t kMaxStreamBytes = int64_t{256} << 20;  ///< a million of them
 constexpr int64_t kMaxInFlight = 65'536;                 ///< of one bake, over all workers
@@ -27,7 +30,13 @@ constexpr double kNanoseconds = 1e9;
 using MessageHandle = NatsHandle<natsMsg, natsMsg_Destroy>;
 using ConsumerHandle = NatsHandle<jsConsumerInfo, jsConsumerInfo_Destroy>;
 
-std::string Subject(const Digest& bake) { return "bake." + bake.Hex() + ".task"; }
+/// @param shard  a number, or "*" for all of them
+std::string Subject(const Digest& bake, const std::string& shard) {
+  return "bake." + bake.Hex() + ".task." + shard;
+}
+std::string ConsumerName(const Digest& bake, uint32_t shard) {
+  return bake.Hex() + "-" + std::to_string(shard);
+}
 
 // ---- What is said in text ----
 
@@ -76,24 +85,55 @@ std::string Unescape(std::string_view text) {
   return plain;
 }
 
-/// "<priority> <execution>"
+/// "<priority> <shards> <execution>"
 std::string Describe(const QueuedBake& bake) {
-  return std::to_string(bake.priority) + " " + Escape(bake.execution);
+  return std::to_string(bake.priority) + " " + std::to_string(bake.shards) + " " + Escape(bake.execution);
 }
 
-/// The bake of one of our consumers; none if it is somebody else's.
-std::optional<QueuedBake> ParseConsumer(const jsConsumerInfo& info) {
+/// The number at the beginning of `text`, and what follows it and a space; none: there is no number.
+std::optional<uint32_t> TakeNumber(std::string_view* text) {
+  uint32_t number = 0;
+  const char* end = text->data() + text->size();
+  const auto [next, error] = std::from_chars(text->data(), end, number);
+  if (error != std::errc() || (next != end && *next != ' ')) return std::nullopt;
+  text->remove_prefix(static_cast<size_t>(next - text->data()) + (next != end));
+  return number;
+}
+
+/// One line of one of our bakes.
+struct ShardConsumer {
+  QueuedBake bake;  ///< without `messages`
+  uint32_t shard = 0;
+};
+
+/// None if it is somebody else's.
+std::optional<ShardConsumer> ParseConsumer(const jsConsumerInfo& info) {
+  constexpr size_t kHex = 64;
   if (!info.Name || !info.Config || !info.Config->Description) return std::nullopt;
-  const std::optional<Digest> key = Digest::FromHex(info.Name);
-  const std::string_view description = info.Config->Description;
-  const size_t space = description.find(' ');
-  int priority = 0;
-  const bool number =
-      space != std::string_view::npos &&
-      std::from_chars(description.data(), description.data() + space, priority).ec == std::errc();
-  if (!key || !number) return std::nullopt;
-  return QueuedBake{*key, Unescape(description.substr(space + 1)), std::clamp(priority, 1, kMaxPriority),
-                    static_cast<double>(info.Config->AckWait) / kNanoseconds};
+  std::string_view name = info.Name, description = info.Config->Description;
+  if (name.size() < kHex + 2 || name[kHex] != '-') return std::nullopt;
+  const std::optional<Digest> key = Digest::FromHex(name.substr(0, kHex));
+  name.remove_prefix(kHex + 1);
+  const std::optional<uint32_t> shard = TakeNumber(&name), priority = TakeNumber(&description),
+                                shards = TakeNumber(&description);
+  if (!key || !shard || !priority || !shards || *shards > kMaxShards || *shard >= *shards)
+    return std::nullopt;
+  return ShardConsumer{
+      {*key, Unescape(description), std::clamp(static_cast<int>(std::min(*priority, 1000u)), 1, kMaxPriority),
+       static_cast<double>(info.Config->AckWait) / kNanoseconds, *shards},
+      *shard};
+}
+
+/// Bake and shard of a subject; none if it is somebody else's.
+std::optional<std::pair<Digest, uint32_t>> ParseSubject(std::string_view subject) {
+  constexpr std::string_view kBefore = "bake.", kBetween = ".task.";
+  constexpr size_t kHex = 64, kShardAt = kBefore.size() + kHex + kBetween.size();
+  if (subject.size() <= kShardAt || subject.substr(kBefore.size() + kHex, kBetween.size()) != kBetween)
+    return std::nullopt;
+  const std::optional<Digest> key = Digest::FromHex(subject.substr(kBefore.size(), kHex));
+  subject.remove_prefix(kShardAt);
+  const std::optional<uint32_t> shard = TakeNumber(&subject);
+  return key && shard ? std::optional(std::pair(*key, *shard)) : std::nullopt;
 }
 
 // ---- Worker's side ----
@@ -131,15 +171,18 @@ int Deliveries(natsMsg* message) {
   return static_cast<int>(std::min<uint64_t>(meta->NumDelivered, 1'000'000));
 }
 
+/// A thread's subscriptions to a bake's lines, made when they are first asked for.
 class NatsSubscription : public TaskSubscription {
  public:
-  NatsSubscription(std::shared_ptr<NatsConnection> connection, natsSubscription* subscription)
-      : connection_(std::move(connection)), subscription_(subscription) {}
+  NatsSubscription(std::shared_ptr<NatsConnection> connection, const Digest& bake)
+      : connection_(std::move(connection)), bake_(bake) {}
 
-  Result<std::unique_ptr<TaskLease>> Fetch(double seconds) override {
+  Result<std::unique_ptr<TaskLease>> Fetch(uint32_t shard, double seconds) override {
+    GLINT_RETURN_IF_ERROR(Subscribe(shard));
+    const auto& [line, subscription] = *Late(shard);
     natsMsgList list = {nullptr, 0};
     const natsStatus s =
-        natsSubscription_Fetch(&list, subscription_.get(), 1, std::lround(seconds * 1000), nullptr);
+        natsSubscription_Fetch(&list, subscription.get(), 1, std::lround(seconds * 1000), nullptr);
     MessageHandle handle;
     if (list.Count > 0) handle.reset(std::exchange(list.Msgs[0], nullptr));
     natsMsgList_Destroy(&list);
@@ -147,19 +190,51 @@ class NatsSubscription : public TaskSubscription {
     if (!handle) return connection_->Failed("fetch a task", s);
     const std::string_view text(natsMsg_GetData(handle.get()),
                                 static_cast<size_t>(natsMsg_GetDataLength(handle.get())));
-    const std::optional<TaskMessage> message = ParseMessage(text);
+    std::optional<TaskMessage> message = ParseMessage(text);
     if (!message) {  // a stranger's
       natsMsg_Term(handle.get(), nullptr);
       return std::unique_ptr<TaskLease>();
     }
+    message->shard = line;
     const int deliveries = Deliveries(handle.get());
     return std::unique_ptr<TaskLease>(
         std::make_unique<NatsLease>(connection_, std::move(handle), *message, deliveries));
   }
 
  private:
+  using Line = std::pair<const uint32_t, NatsHandle<natsSubscription, natsSubscription_Destroy>>;
+
+  Status Subscribe(uint32_t shard) {
+    if (lines_.contains(shard)) return {};
+    const std::string name = ConsumerName(bake_, shard);
+    jsSubOptions options;
+    jsSubOptions_Init(&options);
+    options.Stream = kStream;
+    options.Consumer = name.c_str();
+    options.ManualAck = true;
+    natsSubscription* made = nullptr;
+    const natsStatus s =
+        js_PullSubscribe(&made, connection_->js(), Subject(bake_, std::to_string(shard)).c_str(),
+                         name.c_str(), nullptr, &options, nullptr);
+    if (s != NATS_OK) return connection_->Failed("subscribe to a bake's tasks", s);
+    lines_[shard].reset(made);
+    return {};
+  }
+
+  /// The line of `shard`, or one with a message that came when its request had run out: it counts as
+  /// delivered, and would be nobody's until its lease has.
+  Line* Late(uint32_t shard) {
+    for (Line& line : lines_) {
+      int messages = 0, bytes = 0;
+      const bool pending = natsSubscription_GetPending(line.second.get(), &messages, &bytes) == NATS_OK;
+      if (pending && messages > 0) return &line;
+    }
+    return &*lines_.find(shard);
+  }
+
   std::shared_ptr<NatsConnection> connection_;
-  NatsHandle<natsSubscription, natsSubscription_Destroy> subscription_;
+  const Digest bake_;
+  std::map<uint32_t, NatsHandle<natsSubscription, natsSubscription_Destroy>> lines_;
 };
 
 // ---- The queue ----
@@ -174,14 +249,19 @@ class NatsQueueImpl : public NatsQueue {
   Status Open(const QueuedBake& bake) override {
     GLINT_RETURN_IF_ERROR(AddStream());
     GLINT_RETURN_IF_ERROR(Purge(bake.bake));
-    return AddConsumer(bake);
+    GLINT_RETURN_IF_ERROR(Visit([&](const ShardConsumer& old, const jsConsumerInfo&) {
+      const bool stays = old.bake.bake != bake.bake || old.shard < bake.shards;
+      return stays ? Status() : DeleteConsumer(old.bake.bake, old.shard);
+    }));
+    for (uint32_t shard = 0; shard < bake.shards; ++shard) GLINT_RETURN_IF_ERROR(AddConsumer(bake, shard));
+    return {};
   }
 
   Status Publish(const Digest& bake, std::span<const TaskMessage> messages) override {
     connection_->TakeRefused();
-    const std::string subject = Subject(bake);
     natsStatus s = NATS_OK;
     for (size_t i = 0; i < messages.size() && s == NATS_OK; ++i) {
+      const std::string subject = Subject(bake, std::to_string(messages[i].shard));
       const std::string text = ToText(messages[i]);
       s = js_PublishAsync(js(), subject.c_str(), text.data(), static_cast<int>(text.size()), nullptr);
     }
@@ -197,54 +277,46 @@ class NatsQueueImpl : public NatsQueue {
   }
 
   Result<std::optional<QueueState>> State(const Digest& bake) override {
-    jsConsumerInfo* made = nullptr;
-    jsErrCode code{};
-    const natsStatus s = js_GetConsumerInfo(&made, js(), kStream, bake.Hex().c_str(), nullptr, &code);
-    const ConsumerHandle info(made);
-    if (s == NATS_NOT_FOUND || code == JSConsumerNotFoundErr || code == JSStreamNotFoundErr)
-      return std::optional<QueueState>();
-    if (s != NATS_OK) return connection_->Failed("ask for a bake's tasks", s);
-    return std::optional(QueueState{info->NumPending, static_cast<uint64_t>(info->NumAckPending),
-                                    static_cast<uint64_t>(info->NumWaiting),
-                                    static_cast<uint64_t>(info->NumRedelivered)});
+    QueueState state;
+    uint32_t known = 0, shards = 0;
+    GLINT_RETURN_IF_ERROR(Visit([&](const ShardConsumer& consumer, const jsConsumerInfo& info) {
+      if (consumer.bake.bake != bake) return Status();
+      ++known;
+      shards = std::max(shards, consumer.bake.shards);
+      state.waiting += info.NumPending;
+      state.in_flight += static_cast<uint64_t>(info.NumAckPending);
+      state.requests += static_cast<uint64_t>(info.NumWaiting);
+      state.redelivered += static_cast<uint64_t>(info.NumRedelivered);
+      return Status();
+    }));
+    if (known == 0 || known != shards) return std::optional<QueueState>();
+    return std::optional(state);
   }
 
   Status Close(const Digest& bake) override {
-    jsErrCode code{};
-    const natsStatus s = js_DeleteConsumer(js(), kStream, bake.Hex().c_str(), nullptr, &code);
-    const bool gone = s == NATS_NOT_FOUND || code == JSConsumerNotFoundErr || code == JSStreamNotFoundErr;
-    if (s != NATS_OK && !gone) return connection_->Failed("end a bake", s);
-    return code == JSStreamNotFoundErr ? Status() : Purge(bake);
+    GLINT_RETURN_IF_ERROR(Visit([&](const ShardConsumer& consumer, const jsConsumerInfo&) {
+      return consumer.bake.bake == bake ? DeleteConsumer(bake, consumer.shard) : Status();
+    }));
+    return Purge(bake);
   }
 
+  /// From the stream's count of messages by subject: to list consumers takes the server ten times as long.
   Result<std::vector<QueuedBake>> List() override {
-    jsConsumerInfoList* made = nullptr;
-    jsErrCode code{};
-    const natsStatus s = js_Consumers(&made, js(), kStream, nullptr, &code);
-    const NatsHandle<jsConsumerInfoList, jsConsumerInfoList_Destroy> list(made);
-    std::vector<QueuedBake> bakes;
-    if (s == NATS_NOT_FOUND || code == JSStreamNotFoundErr) return bakes;
-    if (s != NATS_OK) return connection_->Failed("list bakes", s);
-    for (int i = 0; i < list->Count; ++i) {
-      const jsConsumerInfo& info = *list->List[i];
-      if (info.NumPending == 0 && info.NumAckPending == 0) continue;
-      if (std::optional<QueuedBake> bake = ParseConsumer(info)) bakes.push_back(std::move(*bake));
+    GLINT_ASSIGN_OR_RETURN(const auto messages, CountMessages());
+    std::vector<QueuedBake> list;
+    for (const auto& [key, lines] : messages) {
+      GLINT_ASSIGN_OR_RETURN(const std::optional<QueuedBake> known, About(key));
+      if (!known) continue;
+      list.push_back(*known);
+      list.back().messages.resize(known->shards);
+      for (const auto& [shard, count] : lines)
+        if (shard < known->shards) list.back().messages[shard] = count;
     }
-    return bakes;
+    return list;
   }
 
   Result<std::unique_ptr<TaskSubscription>> Subscribe(const Digest& bake) override {
-    const std::string name = bake.Hex();
-    jsSubOptions options;
-    jsSubOptions_Init(&options);
-    options.Stream = kStream;
-    options.Consumer = name.c_str();
-    options.ManualAck = true;
-    natsSubscription* made = nullptr;
-    const natsStatus s =
-        js_PullSubscribe(&made, js(), Subject(bake).c_str(), name.c_str(), nullptr, &options, nullptr);
-    if (s != NATS_OK) return connection_->Failed("subscribe to a bake's tasks", s);
-    return std::unique_ptr<TaskSubscription>(std::make_unique<NatsSubscription>(connection_, made));
+    return std::unique_ptr<TaskSubscription>(std::make_unique<NatsSubscription>(connection_, bake));
   }
 
  private:
@@ -269,8 +341,68 @@ class NatsQueueImpl : public NatsQueue {
     return connection_->Failed("make the stream BAKE", s);
   }
 
-  Status AddConsumer(const QueuedBake& bake) {
-    const std::string name = bake.bake.Hex(), subject = Subject(bake.bake), description = Describe(bake);
+  using LineCounts = std::vector<std::pair<uint32_t, uint64_t>>;  ///< shard, messages
+
+  Result<std::map<Digest, LineCounts>> CountMessages() const {
+    const std::string all = kSubjects;
+    jsOptions options;
+    jsOptions_Init(&options);
+    options.Stream.Info.SubjectsFilter = all.c_str();
+    jsStreamInfo* made = nullptr;
+    jsErrCode code{};
+    const natsStatus s = js_GetStreamInfo(&made, js(), kStream, &options, &code);
+    const NatsHandle<jsStreamInfo, jsStreamInfo_Destroy> info(made);
+    std::map<Digest, LineCounts> bakes;
+    if (s == NATS_NOT_FOUND || code == JSStreamNotFoundErr) return bakes;
+    if (s != NATS_OK) return connection_->Failed("list bakes", s);
+    const jsStreamStateSubjects* subjects = info->State.Subjects;
+    for (int i = 0; subjects && i < subjects->Count; ++i) {
+      const auto line = ParseSubject(subjects->List[i].Subject);
+      if (line) bakes[line->first].emplace_back(line->second, subjects->List[i].Msgs);
+    }
+    return bakes;
+  }
+
+  /// What a bake's first consumer says of it; none: there is no such (any more). Asked again after a while.
+  Result<std::optional<QueuedBake>> About(const Digest& key) {
+    constexpr std::chrono::seconds kFresh(10);
+    const std::lock_guard lock(known_mutex_);
+    const auto now = std::chrono::steady_clock::now();
+    std::erase_if(known_, [&](const auto& entry) { return now - entry.second.second > kFresh; });
+    if (const auto found = known_.find(key); found != known_.end()) return std::optional(found->second.first);
+    jsConsumerInfo* made = nullptr;
+    jsErrCode code{};
+    const natsStatus s =
+        js_GetConsumerInfo(&made, js(), kStream, ConsumerName(key, 0).c_str(), nullptr, &code);
+    const ConsumerHandle info(made);
+    if (s == NATS_NOT_FOUND || code == JSConsumerNotFoundErr || code == JSStreamNotFoundErr)
+      return std::optional<QueuedBake>();
+    if (s != NATS_OK) return connection_->Failed("ask for a bake", s);
+    const std::optional<ShardConsumer> consumer = ParseConsumer(*info);
+    if (!consumer) return std::optional<QueuedBake>();
+    known_[key] = {consumer->bake, now};
+    return std::optional(consumer->bake);
+  }
+
+  /// Calls visit(consumer, info) for every line of every bake, until it fails.
+  template <class Visitor>
+  Status Visit(const Visitor& visit) const {
+    jsConsumerInfoList* made = nullptr;
+    jsErrCode code{};
+    const natsStatus s = js_Consumers(&made, js(), kStream, nullptr, &code);
+    const NatsHandle<jsConsumerInfoList, jsConsumerInfoList_Destroy> list(made);
+    if (s == NATS_NOT_FOUND || code == JSStreamNotFoundErr) return {};
+    if (s != NATS_OK) return connection_->Failed("list bakes", s);
+    for (int i = 0; i < list->Count; ++i) {
+      if (const std::optional<ShardConsumer> consumer = ParseConsumer(*list->List[i]))
+        GLINT_RETURN_IF_ERROR(visit(*consumer, *list->List[i]));
+    }
+    return {};
+  }
+
+  Status AddConsumer(const QueuedBake& bake, uint32_t shard) {
+    const std::string name = ConsumerName(bake.bake, shard),
+                      subject = Subject(bake.bake, std::to_string(shard)), description = Describe(bake);
     jsConsumerConfig config;
     jsConsumerConfig_Init(&config);
     config.Durable = name.c_str();
@@ -285,17 +417,28 @@ class NatsQueueImpl : public NatsQueue {
     return s == NATS_OK ? Status() : connection_->Failed("make a bake's consumer", s);
   }
 
+  Status DeleteConsumer(const Digest& bake, uint32_t shard) {
+    jsErrCode code{};
+    const natsStatus s = js_DeleteConsumer(js(), kStream, ConsumerName(bake, shard).c_str(), nullptr, &code);
+    const bool gone = s == NATS_NOT_FOUND || code == JSConsumerNotFoundErr || code == JSStreamNotFoundErr;
+    return s == NATS_OK || gone ? Status() : connection_->Failed("end a bake", s);
+  }
+
   Status Purge(const Digest& bake) {
-    const std::string subject = Subject(bake);
+    const std::string subject = Subject(bake, "*");
     jsOptions options;
     jsOptions_Init(&options);
     options.Stream.Purge.Subject = subject.c_str();
-    const natsStatus s = js_PurgeStream(js(), kStream, &options, nullptr);
-    return s == NATS_OK ? Status() : connection_->Failed("take a bake's tasks away", s);
+    jsErrCode code{};
+    const natsStatus s = js_PurgeStream(js(), kStream, &options, &code);
+    const bool gone = s == NATS_NOT_FOUND || code == JSStreamNotFoundErr;
+    return s == NATS_OK || gone ? Status() : connection_->Failed("take a bake's tasks away", s);
   }
 
   const std::shared_ptr<NatsConnection> connection_;
   const int replicas_;
+  std::mutex known_mutex_;
+  std::map<Digest, std::pair<QueuedBake, std::chrono::steady_clock::time_point>> known_;
 };
 
 }  // namespace

@@ -21,9 +21,9 @@ struct NatsOptions {
   int replicas = 1;  ///< copies of the stream; 3 in a cluster of three servers
 };
 
-/// The queue on NATS JetStream: stream BAKE with subjects bake.<key>.task, one durable pull consumer a bake,
-/// named by its key, whose description says what workers need to know. Connects in the background and again
-/// whenever the connection is lost; until then calls give kIo.
+/// The queue on NATS JetStream: stream BAKE with subjects bake.<key>.task.<shard>, and for each a durable
+/// pull consumer <key>-<shard>, whose description says what workers need to know. Connects in the background
+/// and again whenever the connection is lost; until then calls give kIo.
 class NatsQueue : public TaskPublisher, public TaskSource {
  public:
   /// kUsage: the options cannot be (files, URL).

@@ -18,6 +18,7 @@ namespace glint {
 struct TaskMessage {
   Digest manifest;  ///< of the round (common/round/round_files.h)
   uint64_t index = 0;
+  uint32_t shard = 0;  ///< the bake's line that it waits in (common/queue/shard.h)
 
   bool operator==(const TaskMessage&) const = default;
 };
@@ -28,7 +29,10 @@ struct QueuedBake {
   std::string execution;     ///< ExecutionId() that its tasks need
   int priority = 1;          ///< share of the workers, relative to other bakes', 1 to kMaxPriority
   double lease_seconds = 0;  ///< a message comes again so long after the last sign of life of who has it
+  uint32_t shards = 1;       ///< lines that its messages wait in, 1 to kMaxShards
+  std::vector<uint64_t> messages = {};  ///< in each line, waiting or with a worker; from List only
 };
+inline constexpr uint32_t kMaxShards = 1024;
 inline constexpr int kMaxPriority = 100;
 
 /// Where a bake's messages are.
@@ -47,7 +51,7 @@ class TaskPublisher {
   /// Makes what the bake needs in the queue, empty of messages.
   virtual Status Open(const QueuedBake& bake) = 0;
   virtual Status Publish(const Digest& bake, std::span<const TaskMessage> messages) = 0;
-  /// None: the queue does not know the bake (any more).
+  /// None: the queue does not know the bake (any more), or not all of its lines.
   virtual Result<std::optional<QueueState>> State(const Digest& bake) = 0;
   /// Forgets the bake and its messages.
   virtual Status Close(const Digest& bake) = 0;
@@ -69,15 +73,16 @@ class TaskLease {
 class TaskSubscription {
  public:
   virtual ~TaskSubscription() = default;
-  /// Waits up to `seconds`; null: nothing came. kIo: the queue does not answer, or has forgotten the bake.
-  virtual Result<std::unique_ptr<TaskLease>> Fetch(double seconds) = 0;
+  /// Waits up to `seconds` for a message of a line; null: nothing came. May give one of another line that
+  /// came too late when that was asked for. kIo: the queue does not answer, or has forgotten the bake.
+  virtual Result<std::unique_ptr<TaskLease>> Fetch(uint32_t shard, double seconds) = 0;
 };
 
 /// The queue as workers see it.
 class TaskSource {
  public:
   virtual ~TaskSource() = default;
-  /// Bakes with messages that wait. kIo.
+  /// Bakes with messages. Cheap enough for a thousand workers to ask now and then. kIo.
   virtual Result<std::vector<QueuedBake>> List() = 0;
   virtual Result<std::unique_ptr<TaskSubscription>> Subscribe(const Digest& bake) = 0;
 };

@@ -18,6 +18,9 @@ constexpr uint64_t kMaxManifestBytes = uint64_t{256} << 20;  ///< kMaxRoundTasks
 fs::path ManifestPath(const fs::path& bake, const Digest& manifest) {
   return bake / "rounds" / (manifest.Hex() + ".json");
 }
+fs::path PlanPath(const fs::path& bake, const Digest& input_key) {
+  return bake / "plans" / (input_key.Hex() + ".json");
+}
 fs::path InputPath(const fs::path& bake, const Digest& input_key) {
   return bake / "inputs" / (input_key.Hex() + ".glint");
 }

@@ -10,10 +10,12 @@ namespace glint {
 
 // Files of a bake's folder beside its chunks and records (common/store/store.h):
 //   rounds/<digest>.json   manifests, named by the SHA-256 of their bytes
+//   plans/<key>.json       how a round was cut into tasks, by its input's key: a manifest by another name
 //   inputs/<key>.glint     what a round's tasks read: an archive of the surface and the layer before
 //   failed/<key>.json      why a task was given up (common/round/quarantine.h)
 
 std::filesystem::path ManifestPath(const std::filesystem::path& bake, const Digest& manifest);
+std::filesystem::path PlanPath(const std::filesystem::path& bake, const Digest& input_key);
 std::filesystem::path InputPath(const std::filesystem::path& bake, const Digest& input_key);
 std::filesystem::path QuarantinePath(const std::filesystem::path& bake, const Digest& task_key);
 

@@ -2,8 +2,13 @@
 
 #include <array>
 #include <bit>
+#include <charconv>
+#include <cinttypes>
+#include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <string>
+#include <string_view>
 #include <system_error>
 
 #include "common/base/files.h"
@@ -27,7 +32,16 @@ struct ChunkHeader {
 static_assert(sizeof(ChunkHeader) == 32);
 
 constexpr uint64_t kMaxChunkBytes = uint64_t{16} << 30;
-constexpr uint64_t kRecordBytes = 65;  // 64 hexadecimal digits and a line feed
+constexpr double kMicroseconds = 1e6;
+
+/// What a task's file says: "<digest> <microseconds> <XXH3 of what is before>\n", hexadecimal.
+struct Record {
+  Digest chunk;
+  uint64_t microseconds = 0;
+};
+constexpr size_t kDigestDigits = 64, kNumberDigits = 16;
+constexpr size_t kCheckedBytes = kDigestDigits + 1 + kNumberDigits;
+constexpr uint64_t kRecordBytes = kCheckedBytes + 1 + kNumberDigits + 1;
 
 fs::path ShardedPath(const fs::path& root, const char* kind, const Digest& digest) {
   const std::string hex = digest.Hex();
@@ -36,10 +50,37 @@ fs::path ShardedPath(const fs::path& root, const char* kind, const Digest& diges
 fs::path ChunkPath(const fs::path& root, const Digest& digest) { return ShardedPath(root, "chunks", digest); }
 fs::path RecordPath(const fs::path& root, const Digest& key) { return ShardedPath(root, "tasks", key); }
 
-/// A record's digest; none if it is not exactly what PutResult writes.
-std::optional<Digest> ParseRecord(std::span<const std::byte> record) {
-  if (record.size() != kRecordBytes || record.back() != std::byte{'\n'}) return std::nullopt;
-  return Digest::FromHex({reinterpret_cast<const char*>(record.data()), record.size() - 1});
+std::string HexNumber(uint64_t number) {
+  char text[kNumberDigits + 1];
+  std::snprintf(text, sizeof text, "%016" PRIx64, number);
+  return text;
+}
+
+std::string ToText(const Record& record) {
+  const std::string checked = record.chunk.Hex() + " " + HexNumber(record.microseconds);
+  return checked + " " + HexNumber(Checksum64(std::as_bytes(std::span(checked)))) + "\n";
+}
+
+/// None if it is not exactly what PutResult writes.
+std::optional<Record> ParseRecord(std::span<const std::byte> bytes) {
+  if (bytes.size() != kRecordBytes) return std::nullopt;
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const std::optional<Digest> chunk = Digest::FromHex(text.substr(0, kDigestDigits));
+  Record record;
+  const char* number = text.data() + kDigestDigits + 1;
+  std::from_chars(number, number + kNumberDigits, record.microseconds, 16);
+  if (chunk) record.chunk = *chunk;
+  return chunk && ToText(record) == text ? std::optional(record) : std::nullopt;
+}
+
+/// The record of a task whose chunk is there.
+std::optional<Record> FindRecord(const fs::path& root, const Digest& task_key) {
+  const auto bytes = ReadFile(RecordPath(root, task_key), kRecordBytes);
+  if (!bytes.ok()) return std::nullopt;
+  const std::optional<Record> record = ParseRecord(*bytes);
+  std::error_code error;
+  if (!record || !fs::is_regular_file(ChunkPath(root, record->chunk), error)) return std::nullopt;
+  return record;
 }
 
 Status PublishChunk(const fs::path& path, std::span<const std::byte> payload) {
@@ -97,23 +138,25 @@ Result<ChunkStore> ChunkStore::Open(const fs::path& root) {
 }
 
 std::optional<Digest> ChunkStore::FindResult(const Digest& task_key) const {
-  const auto record = ReadFile(RecordPath(root_, task_key), kRecordBytes);
-  if (!record.ok()) return std::nullopt;
-  const std::optional<Digest> digest = ParseRecord(*record);
-  std::error_code error;
-  if (!digest || !fs::is_regular_file(ChunkPath(root_, *digest), error)) return std::nullopt;
-  return digest;
+  const std::optional<Record> record = FindRecord(root_, task_key);
+  return record ? std::optional(record->chunk) : std::nullopt;
 }
 
-Result<Digest> ChunkStore::PutResult(const Digest& task_key, std::span<const std::byte> payload) {
-  const Digest digest = Sha256(payload);
+std::optional<double> ChunkStore::FindSeconds(const Digest& task_key) const {
+  const std::optional<Record> record = FindRecord(root_, task_key);
+  return record ? std::optional(static_cast<double>(record->microseconds) / kMicroseconds) : std::nullopt;
+}
+
+Result<Digest> ChunkStore::PutResult(const Digest& task_key, std::span<const std::byte> payload,
+                                     double seconds) {
+  const Record record{Sha256(payload), static_cast<uint64_t>(std::llround(seconds * kMicroseconds))};
   // The chunk first: a record never points to what is not durable yet.
-  GLINT_RETURN_IF_ERROR(PublishChunk(ChunkPath(root_, digest), payload));
-  const std::string record = digest.Hex() + '\n';
+  GLINT_RETURN_IF_ERROR(PublishChunk(ChunkPath(root_, record.chunk), payload));
+  const std::string text = ToText(record);
   const fs::path record_path = RecordPath(root_, task_key);
   GLINT_RETURN_IF_ERROR(CreateFolders(record_path.parent_path()));
-  GLINT_RETURN_IF_ERROR(PublishFile(record_path, std::as_bytes(std::span(record))));
-  return digest;
+  GLINT_RETURN_IF_ERROR(PublishFile(record_path, std::as_bytes(std::span(text))));
+  return record.chunk;
 }
 
 Result<std::vector<std::byte>> ChunkStore::Get(const Digest& digest) const {

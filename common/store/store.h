@@ -15,7 +15,7 @@ namespace glint {
 /// root:
 ///   chunks/ab/<digest>   the blob: header (magic, version, payload bytes, XXH3 of the payload), payload; the
 ///                        digest is the SHA-256 of the payload
-///   tasks/ab/<key>       the digest of the task's result, hexadecimal
+///   tasks/ab/<key>       the digest of the task's result, what it took, and the XXH3 of both
 /// Everything is published by write, fsync, rename, fsync of the folder. Any number of threads and processes
 /// may share a root: two that finish one task write the same bytes.
 class ChunkStore {
@@ -24,8 +24,11 @@ class ChunkStore {
 
   /// Digest of the task's result, if it is finished and its chunk is there.
   std::optional<Digest> FindResult(const Digest& task_key) const;
+  /// Seconds that the task took whoever computed it; none: it is not finished.
+  std::optional<double> FindSeconds(const Digest& task_key) const;
   /// Publishes the payload, then the task's record. Safe to repeat.
-  Result<Digest> PutResult(const Digest& task_key, std::span<const std::byte> payload);
+  /// @param seconds  of processor time, at least 0; kept to the microsecond
+  Result<Digest> PutResult(const Digest& task_key, std::span<const std::byte> payload, double seconds = 0);
   /// Payload of a chunk; header, length, checksum and digest are checked. kBadInput with the file's name if
   /// it is damaged or gone; kIo if it is there and cannot be read, which says nothing about it.
   Result<std::vector<std::byte>> Get(const Digest& digest) const;

@@ -351,15 +351,23 @@ void BakeService::RunBakes() {
   }
 }
 
-/// Waits for a bake to run, and takes it: of the queued ones that with the highest priority, the oldest of
-/// those. Empty: the service ends.
+double Urgency(int priority, double waited_seconds) {
+  constexpr double kMinute = 60;  // before that, who came first by seconds says little
+  return priority * (waited_seconds + kMinute);
+}
+
+/// Waits for a bake to run, and takes it: the most urgent of the queued ones, the oldest of those. Empty: the
+/// service ends.
 std::string BakeService::Next() {
   std::unique_lock lock(mutex_);
   for (;;) {
     if (ending_) return "";
     Slot* best = nullptr;
-    const auto rank = [](const Slot& s) {
-      return std::tuple(-s.status.entry.request.priority, s.status.entry.submitted_unix);
+    const auto now = static_cast<int64_t>(std::time(nullptr));
+    const auto rank = [now](const Slot& s) {
+      const JournalEntry& entry = s.status.entry;
+      const auto waited = static_cast<double>(std::max<int64_t>(now - entry.submitted_unix, 0));
+      return std::tuple(-Urgency(entry.request.priority, waited), entry.submitted_unix);
     };
     for (auto& [id, slot] : slots_) {
       if (slot.status.entry.state == BakeState::kQueued && (!best || rank(slot) < rank(*best))) best = &slot;

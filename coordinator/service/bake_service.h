@@ -28,9 +28,13 @@ struct BakeStatus {
   uint64_t version = 0;        ///< grows with every change
 };
 
+/// Which of the bakes that wait runs next: the most urgent one. Grows with priority and with waiting, so that
+/// no bake waits for ever, however many of higher priority come.
+double Urgency(int priority, double waited_seconds);
+
 struct ServiceOptions {
   std::filesystem::path store;  ///< journal, scenes, archives, and a folder for each bake's tasks
-  int running = 2;              ///< bakes at a time; the others wait, by priority and then by age
+  int running = 2;              ///< bakes at a time; the others wait, by urgency
   size_t max_bakes = 1000;      ///< in the journal
   uint64_t max_scene_bytes = uint64_t{1} << 30;
   int threads = 0;            ///< 0: all cores

@@ -3,94 +3,21 @@
 
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <sys/stat.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <iostream>
-#include <map>
 #include <random>
-#include <thread>
 
-#include "common/base/files.h"
-#include "tests/base/temp_folder.h"
-#include "tests/cluster/nats_server.h"
-#include "tests/coordinator/bake_fixture.h"
+#include "tests/cluster/cluster_fixture.h"
 
 namespace glint {
 namespace {
 
 namespace fs = std::filesystem;
-using bake_fixture::BytesOf;
 using bake_fixture::StoredFiles;
 using Clock = std::chrono::steady_clock;
-
-void Sleep(double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); }
-
-class ClusterTest : public testing::Test {
- protected:
-  void SetUp() override {
-    const Status saved = SaveScene(bake_fixture::Generated("planes", 600), scene());
-    ASSERT_TRUE(saved.ok()) << saved.message();
-    const ProcessResult local = RunProcess(BakeCommand("local", {"--keep-work"}));
-    ASSERT_EQ(local.exit_code, 0) << local.err;
-    expected_ = BytesOf(folder_ / "local.glint");
-    tasks_ = StoredFiles(folder_ / "local.glint.work", "tasks").size();
-    fs::create_directories(store());
-  }
-
-  std::vector<std::string> BakeCommand(const std::string& out, const std::vector<std::string>& more) const {
-    std::vector<std::string> command = {GLINT_PROGRAM,
-                                        "bake",
-                                        scene().string(),
-                                        "-o",
-                                        (folder_ / (out + ".glint")).string(),
-                                        "--directions",
-                                        "162",
-                                        "--layers",
-                                        "2",
-                                        "--layer-tolerance",
-                                        "0",
-                                        "--max-rays",
-                                        "512",
-                                        "--vertices-per-task",
-                                        vertices_per_task_,
-                                        "--threads",
-                                        "1"};
-    command.insert(command.end(), more.begin(), more.end());
-    return command;
-  }
-  std::vector<std::string> ClusterBakeCommand() const {
-    return BakeCommand("cluster", {"--executor", "cluster", "--work-dir", store().string(), "--nats",
-                                   nats_.url(), "--lease", "1", "--keep-work"});
-  }
-  std::unique_ptr<BackgroundProcess> StartWorker(const std::vector<std::string>& environment = {}) const {
-    return std::make_unique<BackgroundProcess>(
-        std::vector<std::string>{GLINT_PROGRAM, "worker", "--store", store().string(), "--nats", nats_.url(),
-                                 "--threads", "1", "--json"},
-        folder_ / "workers.log", environment);
-  }
-  std::unique_ptr<BackgroundProcess> StartBake() const {
-    return std::make_unique<BackgroundProcess>(ClusterBakeCommand(), folder_ / "bakes.log");
-  }
-  void ExpectArchive() const {
-    EXPECT_TRUE(BytesOf(folder_ / "cluster.glint") == expected_);
-    EXPECT_EQ(StoredFiles(store(), "tasks").size(), tasks_);
-  }
-  std::string Text(const std::string& file) const {
-    const std::vector<std::byte> bytes = BytesOf(folder_ / file);
-    return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-  }
-  fs::path scene() const { return folder_ / "scene.glb"; }
-  fs::path store() const { return folder_ / "store"; }
-
-  const TempFolder folder_;
-  std::string vertices_per_task_ = "40";
-  NatsServer nats_{folder_ / "nats"};
-  std::vector<std::byte> expected_;
-  size_t tasks_ = 0;
-};
 
 TEST_F(ClusterTest, GivesTheArchiveOfTheLocalBake) {
   const auto first = StartWorker(), second = StartWorker();
@@ -198,16 +125,6 @@ class ClusterKillTest : public ClusterTest {
     return std::uniform_real_distribution<double>(low, high)(random_);
   }
 
-  /// Notes which results are there, and that those noted before are the same files still.
-  void CheckFinished() {
-    for (const fs::path& record : StoredFiles(store(), "tasks")) {
-      struct stat info = {};
-      if (stat(record.c_str(), &info) != 0) continue;
-      const ino_t known = finished_.emplace(record, info.st_ino).first->second;
-      EXPECT_EQ(known, info.st_ino) << record << " was computed again";
-    }
-  }
-
   /// One bake from nothing, with kills until it ends.
   void BakeThroughKills(int most) {
     fs::remove_all(store());
@@ -233,7 +150,6 @@ class ClusterKillTest : public ClusterTest {
   std::mt19937 random_{20261123};
   std::vector<std::unique_ptr<BackgroundProcess>> workers_;
   std::unique_ptr<BackgroundProcess> bake_;
-  std::map<fs::path, ino_t> finished_;
   int kills_ = 0;
 };
 

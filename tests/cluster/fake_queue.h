@@ -7,6 +7,7 @@
 #include <mutex>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "common/queue/task_queue.h"
 
@@ -44,15 +45,16 @@ class FakeQueue : public TaskPublisher, public TaskSource {
     const std::lock_guard lock(mutex_);
     if (down_) return Down();
     ++opened;
-    bakes_[bake.bake] = {bake, {}, 0};
+    bakes_[bake.bake] = {bake, std::vector<std::deque<Message>>(bake.shards), 0};
     return {};
   }
   Status Publish(const Digest& bake, std::span<const TaskMessage> messages) override {
     const std::lock_guard lock(mutex_);
     if (down_) return Down();
-    for (const TaskMessage& task : messages) bakes_.at(bake).waiting.push_back({task, 0});
+    Bake& known = bakes_.at(bake);
+    for (const TaskMessage& task : messages) known.lines.at(task.shard).push_back({task, 0});
     published += messages.size();
-    most_queued = std::max(most_queued, bakes_.at(bake).waiting.size());
+    most_queued = std::max<size_t>(most_queued, known.Waiting());
     return {};
   }
   Result<std::optional<QueueState>> State(const Digest& bake) override {
@@ -60,7 +62,7 @@ class FakeQueue : public TaskPublisher, public TaskSource {
     if (down_) return Down();
     const auto found = bakes_.find(bake);
     if (found == bakes_.end()) return std::optional<QueueState>();
-    return std::optional(QueueState{found->second.waiting.size(), found->second.in_flight, 1});
+    return std::optional(QueueState{found->second.Waiting(), found->second.in_flight, 1});
   }
   Status Close(const Digest& bake) override {
     const std::lock_guard lock(mutex_);
@@ -74,20 +76,29 @@ class FakeQueue : public TaskPublisher, public TaskSource {
     const std::lock_guard lock(mutex_);
     std::vector<QueuedBake> list;
     for (const auto& [key, bake] : bakes_) {
-      if (!bake.waiting.empty()) list.push_back(bake.about);
+      if (bake.Waiting() == 0) continue;
+      list.push_back(bake.about);
+      for (const auto& line : bake.lines) list.back().messages.push_back(line.size());
     }
     return list;
   }
   Result<std::unique_ptr<TaskSubscription>> Subscribe(const Digest& bake) override {
     return std::unique_ptr<TaskSubscription>(std::make_unique<Subscription>(this, bake));
   }
-  /// The next message, in flight from now on; null: none.
+  /// The next message of any line, in flight from now on; null: none.
   std::unique_ptr<TaskLease> Take(const Digest& bake) {
+    for (uint32_t shard = 0; shard < kMaxShards; ++shard)
+      if (std::unique_ptr<TaskLease> lease = Take(bake, shard)) return lease;
+    return nullptr;
+  }
+  std::unique_ptr<TaskLease> Take(const Digest& bake, uint32_t shard) {
     const std::lock_guard lock(mutex_);
     const auto found = bakes_.find(bake);
-    if (found == bakes_.end() || found->second.waiting.empty()) return nullptr;
-    Message message = found->second.waiting.front();
-    found->second.waiting.pop_front();
+    if (found == bakes_.end() || shard >= found->second.lines.size()) return nullptr;
+    std::deque<Message>& line = found->second.lines[shard];
+    if (line.empty()) return nullptr;
+    Message message = line.front();
+    line.pop_front();
     ++found->second.in_flight;
     ++message.deliveries;
     return std::make_unique<Lease>(this, bake, message);
@@ -98,15 +109,21 @@ class FakeQueue : public TaskPublisher, public TaskSource {
   size_t Queued() {
     const std::lock_guard lock(mutex_);
     size_t count = 0;
-    for (const auto& [key, bake] : bakes_) count += bake.waiting.size() + bake.in_flight;
+    for (const auto& [key, bake] : bakes_) count += bake.Waiting() + bake.in_flight;
     return count;
   }
 
  private:
   struct Bake {
     QueuedBake about;
-    std::deque<Message> waiting;
+    std::vector<std::deque<Message>> lines;
     uint64_t in_flight = 0;
+
+    uint64_t Waiting() const {
+      uint64_t count = 0;
+      for (const auto& line : lines) count += line.size();
+      return count;
+    }
   };
 
   class Lease : public TaskLease {
@@ -129,8 +146,8 @@ class FakeQueue : public TaskPublisher, public TaskSource {
   class Subscription : public TaskSubscription {
    public:
     Subscription(FakeQueue* queue, const Digest& bake) : queue_(queue), bake_(bake) {}
-    Result<std::unique_ptr<TaskLease>> Fetch(double) override {
-      std::unique_ptr<TaskLease> lease = queue_->Take(bake_);
+    Result<std::unique_ptr<TaskLease>> Fetch(uint32_t shard, double) override {
+      std::unique_ptr<TaskLease> lease = queue_->Take(bake_, shard);
       if (!lease) std::this_thread::sleep_for(std::chrono::milliseconds(2));
       return lease;
     }
@@ -147,7 +164,7 @@ class FakeQueue : public TaskPublisher, public TaskSource {
     const auto found = bakes_.find(bake);
     if (found == bakes_.end()) return;
     if (found->second.in_flight > 0) --found->second.in_flight;
-    if (again) found->second.waiting.push_back(*again);
+    if (again) found->second.lines.at(again->task.shard).push_back(*again);
   }
 
   std::mutex mutex_;

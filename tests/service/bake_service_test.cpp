@@ -188,6 +188,11 @@ TEST_F(BakeServiceTest, GoesOnWhereAnEarlierOneStopped) {
   EXPECT_EQ(service->List().size(), 1u);
 }
 
+TEST(UrgencyTest, GrowsWithPriorityAndSoonerOrLaterWithWaiting) {
+  EXPECT_GT(Urgency(9, 0), Urgency(5, 10));
+  EXPECT_GT(Urgency(1, 3600 * 24), Urgency(100, 0));
+}
+
 TEST_F(BakeServiceTest, TakesTheMostUrgentFirst) {
   options_.running = 0;
   std::vector<std::string> ids;
