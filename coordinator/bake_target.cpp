@@ -1,6 +1,7 @@
 #include "coordinator/bake_target.h"
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -329,10 +330,11 @@ class TargetBake {
       key = bake_key;
       if (options_.begins) options_.begins(bake_key);
     };
-    bool late = false;
+    std::atomic<bool> late = false;  // threads ask
     options.stop = [&] {
       if (options_.stop && options_.stop()) return true;
-      return late = timed() && SecondsLeft() <= 0;
+      if (timed() && SecondsLeft() <= 0) late = true;
+      return late.load();
     };
     const double begin = Now();
     const Result<BakeReport> report = bake_(options, NextPath(out_));
