@@ -19,6 +19,7 @@
 #include "coordinator/bake_report.h"
 #include "coordinator/layer.h"
 #include "coordinator/local_executor.h"
+#include "coordinator/spatial/refine.h"
 #include "coordinator/work_folder.h"
 #include "worker/execution_id.h"
 
@@ -61,7 +62,7 @@ uint32_t DefaultVerticesPerTask(uint32_t vertices) { return std::clamp(vertices 
 
 /// Blocks of vertices x directions, ordered by first vertex, then first column.
 std::vector<TaskSpec> Partition(const BakeOptions& options, uint32_t vertices, uint32_t columns, int layer,
-                                const Digest& bake_key, const Digest& previous) {
+                                const Digest& bake_key, const Digest& nodes, const Digest& previous) {
   const uint32_t vertex_step =
       options.vertices_per_task ? options.vertices_per_task : DefaultVerticesPerTask(vertices);
   const uint32_t column_step =
@@ -70,7 +71,7 @@ std::vector<TaskSpec> Partition(const BakeOptions& options, uint32_t vertices, u
   for (uint32_t v = 0; v < vertices; v += vertex_step)
     for (uint32_t c = 0; c < columns; c += column_step) {
       const GatherBlock block{v, std::min(vertex_step, vertices - v), c, std::min(column_step, columns - c)};
-      tasks.push_back({TaskKey(bake_key, layer, block, previous), layer, block});
+      tasks.push_back({TaskKey(bake_key, nodes, layer, block, previous), layer, block});
     }
   return tasks;
 }
@@ -126,7 +127,7 @@ Result<Layer> BakeLayer(const std::vector<TaskSpec>& tasks, const Layer* previou
                         const BakeDomain& domain, const DirectionGrid& grid, const BakeOptions& options,
                         int threads, Executor* executor, Progress* progress) {
   const std::string name = "layer " + std::to_string(tasks.front().layer);
-  const double slices_per_task = 0.5 * static_cast<double>(domain.vertex_count()) * grid.size() *
+  const double slices_per_task = 0.5 * static_cast<double>(domain.row_count()) * grid.size() *
                                  domain.max_lobes() / static_cast<double>(tasks.size());
   for (int attempt = 0;; ++attempt) {
     progress->Stage(name, tasks.size(), slices_per_task);
@@ -175,6 +176,28 @@ Result<ErrorEstimate> Estimate(const BakeDomain& domain, const DirectionGrid& gr
                        {slices, options.settings.seed, options.settings.drop, threads});
 }
 
+/// Notes about input that refinement left alone.
+void Describe(const RefinementReport& refinement, std::vector<std::string>* notes) {
+  if (refinement.degenerate > 0)
+    notes->push_back(std::to_string(refinement.degenerate) +
+                     " triangles have two corners in one place; refinement passed them over");
+  if (refinement.non_manifold > 0)
+    notes->push_back(std::to_string(refinement.non_manifold) +
+                     " triangles do not join up with those around them (edges of three or more, or turned "
+                     "inside out); all of their vertices are baked");
+}
+
+/// Decides where transfer is known; every vertex of the mesh where the settings say nothing.
+Status PlaceVertices(const RefinementInput& input, BakeDomain* domain, BakeReport* report) {
+  if (input.settings.subdivide > 0) GLINT_RETURN_IF_ERROR(SubdivideEvenly(input.settings.subdivide, domain));
+  if (input.settings.spatial_tolerance > 0) {
+    GLINT_ASSIGN_OR_RETURN(report->refinement, RefineVertices(input, domain));
+    Describe(*report->refinement, &report->notes);
+  }
+  report->baked_vertices = domain->row_count();
+  return {};
+}
+
 /// @param begin, loaded  when the bake began, and when the scene was there
 Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const fs::path& out_path,
                               const BakeOptions& options, const BakeProgressCallback& callback, double begin,
@@ -183,6 +206,8 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
     return UsageError("indirect layers: " + std::to_string(options.max_layers) + " is not 0 to " +
                       std::to_string(kMaxIndirectLayers));
   }
+  if (options.settings.spatial_tolerance > 0 && options.settings.subdivide > 0)
+    return UsageError("faces are either subdivided evenly or refined up to a tolerance: choose one");
   const int threads = ResolveThreadCount(options.threads);
   const Digest bake_key = BakeKey(ExecutionId(), scene.content, options.settings);
   const fs::path work_dir =
@@ -197,7 +222,7 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
   Progress progress(callback, &report);
 
   progress.Stage("fit");
-  const BakeDomain domain = BuildBakeDomain(scene, options.settings.fit, threads);
+  BakeDomain domain = BuildBakeDomain(scene, options.settings.fit, threads);
   const DirectionGrid grid(options.settings.grid_level);
   report.vertices = domain.vertex_count();
   report.triangles = domain.triangles.size();
@@ -209,11 +234,15 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
                          make_executor({scene.content, domain, grid, options.settings, work.store(), threads,
                                         memory, options.stop}));
 
+  progress.Stage("place");
+  GLINT_RETURN_IF_ERROR(PlaceVertices(
+      {grid, options.settings, bake_key, &work.store(), executor.get(), threads}, &domain, &report));
+  const Digest nodes = HashNodes(domain.nodes);
   std::deque<Layer> layers;
   for (int index = 0; index <= options.max_layers; ++index) {
     const Digest previous = layers.empty() ? Digest{} : layers.back().digest;
     const std::vector<TaskSpec> tasks =
-        Partition(options, domain.vertex_count(), grid.size(), index, bake_key, previous);
+        Partition(options, domain.row_count(), grid.size(), index, bake_key, nodes, previous);
     GLINT_ASSIGN_OR_RETURN(
         Layer layer, BakeLayer(tasks, layers.empty() ? nullptr : &layers.back(), work.store(), domain, grid,
                                options, threads, executor.get(), &progress));

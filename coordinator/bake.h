@@ -14,6 +14,7 @@
 #include "common/scene/load.h"
 #include "coordinator/error_estimate.h"
 #include "coordinator/executor.h"
+#include "coordinator/spatial/refine.h"
 
 namespace glint {
 
@@ -43,7 +44,7 @@ struct BakeOptions {
 
 /// State of a running bake.
 struct BakeProgress {
-  std::string stage;  ///< "load", "fit", "layer 0", ..., "estimate", "write"
+  std::string stage;  ///< "load", "fit", "place", "layer 0", ..., "estimate", "write"
   size_t done = 0, tasks = 0;
   double slices_per_second = 0;
   double seconds_left = 0;  ///< of this layer
@@ -61,6 +62,8 @@ struct BakeReport {
   std::string scene;
   Digest archive_key;
   uint64_t vertices = 0, triangles = 0, directions = 0, rays = 0;
+  uint64_t baked_vertices = 0;
+  std::optional<RefinementReport> refinement;  ///< none if all of the mesh's vertices are baked
   std::vector<LayerReport> layers;
   std::optional<ErrorEstimate> error;  ///< none if not asked for
   bool complete = false;               ///< no further layer carries the tolerance's part of the light
@@ -72,7 +75,7 @@ struct BakeReport {
   std::string deterministic_json, json;
 };
 
-/// Bakes a scene file into an archive: load, fit, direct and indirect layers, merge, estimate, write. Stopped
+/// Bakes a scene file into an archive: load, fit, place vertices, direct and indirect layers, merge, estimate, write. Stopped
 /// by a signal (kInterrupted) or killed at any moment, the same call goes on where it was. Errors: those of
 /// LoadScene; kUsage for max_layers; kIo for the output or the work folder; kInterrupted.
 Result<BakeReport> Bake(const std::filesystem::path& scene_path, const std::filesystem::path& out_path,

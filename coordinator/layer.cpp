@@ -73,7 +73,9 @@ struct VertexEnergy {
 VertexEnergy MeasureVertex(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views,
                            int layer_index, uint32_t v) {
   VertexEnergy energy;
-  const Brdf brdf = domain.VertexBrdf(v);
+  const BakeVertex vertex = domain.Row(v);
+  const BrdfShape& shape = domain.shapes[vertex.shape];
+  const Brdf brdf{shape.model, shape.shape, vertex.specular, vertex.diffuse};
   auto add = [&](const SliceTableView& table, uint32_t column, double weight) {
     const std::byte* entry = table.Find(v, column);
     energy.unoccluded += weight;
@@ -84,11 +86,11 @@ VertexEnergy MeasureVertex(const BakeDomain& domain, const DirectionGrid& grid, 
     }
   };
   for (uint32_t column = 0; column < grid.size(); ++column) {
-    const float cosine = glm::dot(domain.normals[v], grid.direction(column));
-    if (cosine <= 0 && !domain.double_sided[v]) continue;
-    const BrdfSlice slice = LookupSlice(domain.shapes[domain.shape[v]], std::abs(cosine));
+    const float cosine = glm::dot(vertex.normal, grid.direction(column));
+    if (cosine <= 0 && !vertex.double_sided) continue;
+    const BrdfSlice slice = LookupSlice(shape, std::abs(cosine));
     for (int k = 0; k < slice.lobes; ++k)
-      add(views.specular[k], column, Luminance(slice.lobe[k].Weight(domain.specular[v])));
+      add(views.specular[k], column, Luminance(slice.lobe[k].Weight(vertex.specular)));
     const float diffuse = Luminance(DiffuseAlbedo(brdf, std::abs(cosine)));
     if (diffuse > 0) add(views.diffuse, cosine > 0 ? 0 : 1, diffuse);
   }
@@ -100,7 +102,7 @@ VertexEnergy MeasureVertex(const BakeDomain& domain, const DirectionGrid& grid, 
 double MeasureEnergy(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views,
                      int layer_index, int threads) {
   constexpr uint32_t kStride = 4;
-  std::vector<VertexEnergy> energy((domain.vertex_count() + kStride - 1) / kStride);
+  std::vector<VertexEnergy> energy((domain.row_count() + kStride - 1) / kStride);
   ParallelFor(energy.size(), threads, 64, [&](size_t i, int) {
     energy[i] = MeasureVertex(domain, grid, views, layer_index, kStride * static_cast<uint32_t>(i));
   });
@@ -134,7 +136,7 @@ Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, con
   const uint32_t entry_bytes = layer_index == 0 ? kDirectEntryBytes : kIndirectEntryBytes;
   std::vector<SliceTableBuilder> builders;
   for (uint32_t slot = 0; slot < slots; ++slot)
-    builders.emplace_back(domain.vertex_count(), slot + 1 < slots ? grid.size() : 2, entry_bytes);
+    builders.emplace_back(domain.row_count(), slot + 1 < slots ? grid.size() : 2, entry_bytes);
 
   Layer layer;
   Status damage;

@@ -9,6 +9,8 @@ namespace {
 
 constexpr uint32_t kSides = 2;  ///< columns of a diffuse table
 
+}  // namespace
+
 std::vector<std::byte> MakeTable(const BlockRows& rows, uint32_t columns, uint32_t entry_bytes) {
   SliceTableBuilder builder(static_cast<uint32_t>(rows.counts.size()), columns, entry_bytes);
   size_t entry = 0;
@@ -19,8 +21,6 @@ std::vector<std::byte> MakeTable(const BlockRows& rows, uint32_t columns, uint32
   }
   return builder.Finish();
 }
-
-}  // namespace
 
 ProbeTables::ProbeTables(int layers, int max_lobes, uint32_t columns, float drop)
     : columns_(columns), drop_(drop), blocks_(layers) {

@@ -10,6 +10,9 @@
 
 namespace glint {
 
+/// A table of these rows.
+std::vector<std::byte> MakeTable(const BlockRows& rows, uint32_t columns, uint32_t entry_bytes);
+
 /// Slices of a few points and directions in the form in which an archive holds its own, so that a
 /// TransferReader reads them by the same interpolation and with the same digits.
 class ProbeTables {

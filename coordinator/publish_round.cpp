@@ -18,6 +18,7 @@ RoundManifest MakeManifest(const ExecutorInput& bake, const Round& round) {
   manifest.execution = ExecutionId();
   manifest.scene = bake.scene;
   manifest.settings = bake.settings;
+  manifest.nodes = HashNodes(bake.domain.nodes);
   manifest.layer = round.tasks.front().layer;
   if (round.previous) manifest.previous = round.previous->digest;
   for (const TaskSpec& task : round.tasks) manifest.blocks.push_back(task.block);
@@ -31,7 +32,7 @@ std::vector<std::vector<std::byte>> EmptyDirectLayer(const ExecutorInput& bake) 
   std::vector<std::vector<std::byte>> tables;
   for (uint32_t slot = 0; slot < slots; ++slot) {
     const uint32_t columns = slot + 1 < slots ? bake.grid.size() : 2;
-    tables.push_back(SliceTableBuilder(bake.domain.vertex_count(), columns, kDirectEntryBytes).Finish());
+    tables.push_back(SliceTableBuilder(bake.domain.row_count(), columns, kDirectEntryBytes).Finish());
   }
   return tables;
 }
@@ -43,7 +44,7 @@ Status WriteInput(const ExecutorInput& bake, const RoundManifest& manifest, cons
   content.domain = &bake.domain;
   content.grid_level = bake.grid.level();
   content.archive_key = manifest.InputKey();
-  if (manifest.layer > 1) {
+  if (previous != nullptr && manifest.layer > 1) {
     empty = EmptyDirectLayer(bake);
     content.layer_bytes.emplace_back(empty.begin(), empty.end());
   }

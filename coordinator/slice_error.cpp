@@ -249,8 +249,10 @@ void SliceTester::AskOwn(const TestSlice& slice, int half, bool causes, Answers*
         {point.diffuse_albedo, point.normal, kCosineKappa, true});
   if (!causes) return;
   TransferPoint read = point;
-  read.vertex = read.column = {0, 0, 0};
-  read.vertex_weight = {1, 0, 0};
+  read.rows = 1;
+  read.row = {0};
+  read.row_weight = {1};
+  read.column = {0, 0, 0};
   read.corner_weight = {1};
   Read(tables, read, slice, &light[StageOf(ErrorCause::kBits)]);
 }
@@ -261,7 +263,7 @@ struct SliceTester::Row {
   bool diffuse = false;
   std::array<glm::vec3, 3> directions;
   std::array<float, 3> weight;  ///< no slice is needed, nor there, where it is 0
-  uint32_t id = 0;              ///< 1 .. 4
+  uint32_t id = 0;              ///< 1: the very point's; 2 + i: of its i-th bake vertex
 };
 
 /// At the very point, for the grid's directions around.
@@ -276,9 +278,10 @@ void SliceTester::AskDirections(const TestSlice& slice, int half, Answers* answe
     total += row.weight[j];
   }
   TransferPoint read = slice.point;
-  read.vertex = {0, 0, 0};
+  read.rows = 1;
+  read.row = {0};
+  read.row_weight = {1};
   read.column = {0, 1, 2};
-  read.vertex_weight = {1, 0, 0};
   read.corner_weight = {};
   for (int j = 0; j < 3 && total > 0; ++j) read.corner_weight[j] = row.weight[j] / total;
   ProbeTables tables(layers(), domain_.max_lobes(), 3, drop_);
@@ -286,21 +289,23 @@ void SliceTester::AskDirections(const TestSlice& slice, int half, Answers* answe
   Read(tables, read, slice, &answers->light[half][StageOf(ErrorCause::kAngular)]);
 }
 
-/// At the vertices around, for the grid's directions around: from paths, and from the archive's layers below.
+/// At the bake vertices around, for the grid's directions around: from paths, and from the archive's layers
+/// below.
 void SliceTester::AskVertices(const TestSlice& slice, int half, Answers* answers) const {
   ProbeTables paths(layers(), domain_.max_lobes(), 3, drop_), below = paths;
   const TransferPoint& point = slice.point;
-  for (uint32_t i = 0; i < 3; ++i) {
-    const uint32_t v = point.vertex[i];
-    Row row{tracer_.AtVertex(v, point.back), domain_.diffuse[v] != glm::vec3(0), {}, {}, 2 + i};
+  TransferPoint read = point;
+  for (uint32_t i = 0; i < static_cast<uint32_t>(point.rows); ++i) {
+    const uint32_t v = point.row[i];
+    read.row[i] = i;
+    Row row{tracer_.AtVertex(v, point.back), domain_.Row(v).diffuse != glm::vec3(0), {}, {}, 2 + i};
     for (int j = 0; j < 3; ++j) {
       row.directions[j] = grid_.direction(point.column[j]);
       row.weight[j] = point.corner_weight[3 * i + j];
     }
     GatherRow(slice, row, half, &paths, &below);
   }
-  TransferPoint read = point;
-  read.vertex = read.column = {0, 1, 2};
+  read.column = {0, 1, 2};
   Read(paths, read, slice, &answers->light[half][StageOf(ErrorCause::kSpatial)]);
   Read(below, read, slice, &answers->light[half][StageOf(ErrorCause::kBelow)]);
 }

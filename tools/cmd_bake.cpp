@@ -80,8 +80,9 @@ Status RunBake(const BakeWords& words, const CommonWords& common) {
   GLINT_ASSIGN_OR_RETURN(const BakeReport report, std::move(baked));
   for (const std::string& note : report.notes) Log(LogLevel::kNote, words.scene + ": " + note);
   char summary[160];
-  std::snprintf(summary, sizeof summary, "%zu layers of %llu vertices x %llu directions, %.1f MB, in %.1f s",
-                report.layers.size(), static_cast<unsigned long long>(report.vertices),
+  std::snprintf(summary, sizeof summary,
+                "%zu layers of %llu baked vertices x %llu directions, %.1f MB, in %.1f s",
+                report.layers.size(), static_cast<unsigned long long>(report.baked_vertices),
                 static_cast<unsigned long long>(report.directions),
                 1e-6 * static_cast<double>(report.archive_bytes), report.seconds);
   Log(LogLevel::kNote, "wrote " + words.output + " and " + words.output + ".json (" + summary + ")");

@@ -266,11 +266,7 @@ class HitSetBuilder {
 }  // namespace
 
 HitSetCache::HitSetCache(const GatherInput& input, const BakeSettings& settings, uint64_t memory_bytes)
-    : input_(input),
-      settings_(settings),
-      surface_(input.domain, input.rays.epsilon()),
-      sets_(2 * static_cast<size_t>(input.domain.vertex_count())),
-      room_(static_cast<int64_t>(memory_bytes)) {
+    : input_(input), settings_(settings), room_(static_cast<int64_t>(memory_bytes)) {
   for (const BrdfShape& shape : input.domain.shapes) {
     const int side = LatticeSide(shape, settings);
     size_t i = 0;
@@ -280,17 +276,30 @@ HitSetCache::HitSetCache(const GatherInput& input, const BakeSettings& settings,
   }
 }
 
+void HitSetCache::Turn() {
+  const BakeNodes& nodes = input_.domain.nodes;
+  if (surface_ && splits_ == nodes.splits && rows_ == nodes.rows) return;
+  splits_ = nodes.splits;
+  rows_ = nodes.rows;
+  surface_.emplace(input_.domain, input_.rays.epsilon());
+  const size_t node_count = input_.domain.vertex_count() + nodes.facets.middles().size();
+  std::vector<std::atomic<HitSet*>> sets(std::max(sets_.size(), 2 * node_count));
+  for (size_t i = 0; i < sets_.size(); ++i) sets[i] = sets_[i].load();
+  sets_.swap(sets);
+}
+
 HitSetCache::~HitSetCache() {
   for (auto& set : sets_) delete set.load();
 }
 
 const HemisphereLattice& HitSetCache::lattice(uint32_t vertex) const {
-  return *lattices_[lattice_of_shape_[input_.domain.shape[vertex]]];
+  return *lattices_[lattice_of_shape_[input_.domain.Row(vertex).shape]];
 }
 
 Frame HitSetCache::LatticeFrame(uint32_t vertex, bool back) const {
-  const Frame base = Frame::FromNormal(surface_.side(vertex, back).normal);
-  const float angle = 2 * kPi * CounterRng(settings_.seed, vertex, back, 0x4C617474u).Uniform();
+  const Frame base = Frame::FromNormal(surface_->side(vertex, back).normal);
+  const uint32_t node = input_.domain.RowNode(vertex);
+  const float angle = 2 * kPi * CounterRng(settings_.seed, node, back, 0x4C617474u).Uniform();
   const float c = std::cos(angle), s = std::sin(angle);
   return {c * base.t + s * base.b, c * base.b - s * base.t, base.n};
 }
@@ -298,7 +307,7 @@ Frame HitSetCache::LatticeFrame(uint32_t vertex, bool back) const {
 std::unique_ptr<HitSet> HitSetCache::Trace(uint32_t vertex, bool back) const {
   const HemisphereLattice& lattice = this->lattice(vertex);
   thread_local FanBuffers buffers;
-  Fan fan(input_, surface_, surface_.side(vertex, back), vertex, LatticeFrame(vertex, back), lattice,
+  Fan fan(input_, *surface_, surface_->side(vertex, back), vertex, LatticeFrame(vertex, back), lattice,
           &buffers);
   fan.Trace(settings_.split_levels);
   auto set = std::make_unique<HitSet>(HitSetBuilder(fan).Build());
@@ -307,7 +316,7 @@ std::unique_ptr<HitSet> HitSetCache::Trace(uint32_t vertex, bool back) const {
 }
 
 const HitSet& HitSetCache::Get(uint32_t vertex, bool back, std::unique_ptr<HitSet>* keep) {
-  std::atomic<HitSet*>& slot = sets_[2 * static_cast<size_t>(vertex) + back];
+  std::atomic<HitSet*>& slot = sets_[2 * static_cast<size_t>(input_.domain.RowNode(vertex)) + back];
   if (const HitSet* known = slot.load(std::memory_order_acquire)) return *known;
   *keep = Trace(vertex, back);
   const auto bytes = static_cast<int64_t>((*keep)->bytes());

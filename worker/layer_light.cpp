@@ -67,9 +67,12 @@ struct LayerLight::Pending {
   glm::vec3 wo, normal;
   float cos_o;
   bool defined;  ///< some corner has a slice for wo; else the weights are 0, and the BRDF counts as free
-  std::array<uint32_t, 3> word, bit;           ///< of the three directions in a row's words
-  std::array<std::array<float, 4>, 3> weight;  ///< of (vertex i, direction j)
-  std::array<const Entry*, 9> entry;           ///< at [3 i + j]: of lobe 0
+  std::array<uint32_t, 3> word, bit;  ///< of the three directions in a row's words
+  int rows;                           ///< bake vertices that answer
+  std::array<uint32_t, kMaxPointRows> row;
+  std::array<float, kMaxPointRows> row_weight;
+  std::array<std::array<float, 4>, kMaxPointRows> weight;  ///< of (row i, direction j)
+  std::array<const Entry*, 3 * kMaxPointRows> entry;       ///< at [3 i + j]: of lobe 0
 };
 
 /// Weighted sums over corners: of Entry::linear, and of strength times Entry::vector.
@@ -87,12 +90,13 @@ struct LayerLight::Sums {
   glm::vec3 direction() const { return glm::vec3(vector[0], vector[1], vector[2]) * (1 / 32767.0f); }
 };
 
-LayerLight::LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views,
+LayerLight::LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews* views,
                        int layer, int threads)
     : domain_(domain),
       grid_(grid),
+      facet_rows_(domain),
       layer_(layer),
-      lobes_(static_cast<int>(views.specular.size())),
+      lobes_(domain.max_lobes()),
       words_((grid.size() + kWordColumns - 1) / kWordColumns),
       head_((words_ * sizeof(uint64_t) + sizeof(Entry) - 1) / sizeof(Entry)),
       samplers_(MakeSliceSamplers(domain.shapes)) {
@@ -105,8 +109,10 @@ LayerLight::LayerLight(const BakeDomain& domain, const DirectionGrid& grid, cons
   absent_.assign(static_cast<size_t>(std::max(lobes_, 1)), absent);
   empty_row_.assign(words_, 0);
   PackSurface();
-  PackRows(views, threads);
-  if (domain.has_diffuse()) PackDiffuse(views);
+  if (domain.has_diffuse()) diffuse_.assign(2 * static_cast<size_t>(domain.row_count()), absent_[0]);
+  if (views == nullptr) return;
+  PackRows(*views, threads);
+  if (domain.has_diffuse()) PackDiffuse(*views);
 }
 
 void LayerLight::PackSurface() {
@@ -120,8 +126,10 @@ void LayerLight::PackSurface() {
   }
   vertices_.reserve(domain_.vertex_count());
   for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
-    vertices_.push_back({domain_.normals[v], domain_.specular[v], domain_.diffuse[v], domain_.shape[v],
-                         reinterpret_cast<const std::byte*>(empty_row_.data())});
+    vertices_.push_back({domain_.normals[v], domain_.specular[v], domain_.diffuse[v], domain_.shape[v]});
+  row_.reserve(domain_.row_count());
+  for (uint32_t r = 0; r < domain_.row_count(); ++r)
+    row_.push_back({domain_.Row(r).normal, reinterpret_cast<const std::byte*>(empty_row_.data())});
 }
 
 LayerLight::Entry LayerLight::Pack(const std::byte* stored) const {
@@ -142,7 +150,7 @@ LayerLight::Entry LayerLight::Pack(const std::byte* stored) const {
 
 void LayerLight::PackRows(const LayerViews& views, int threads) {
   if (views.specular.empty()) return;
-  const uint32_t rows = domain_.vertex_count();
+  const uint32_t rows = domain_.row_count();
   std::vector<uint64_t> begin(rows + size_t{1}, 0);
   // A row's words: which columns any lobe has, and before each word how many.
   auto mark = [&](uint32_t v, uint64_t* words) {
@@ -170,10 +178,10 @@ void LayerLight::PackRows(const LayerViews& views, int threads) {
     begin[v + 1] = head_ + mark(static_cast<uint32_t>(v), words.data()) * static_cast<size_t>(lobes_);
   });
   for (uint32_t v = 0; v < rows; ++v) begin[v + 1] += begin[v];
-  rows_.resize(begin[rows]);
+  packed_.resize(begin[rows]);
   ParallelFor(rows, threads, kGrain, [&](size_t v, int) {
     if (begin[v + 1] == begin[v]) return;
-    Entry* row = rows_.data() + begin[v];
+    Entry* row = packed_.data() + begin[v];
     std::vector<uint64_t> words(words_);
     mark(static_cast<uint32_t>(v), words.data());
     std::memcpy(static_cast<void*>(row), words.data(), words_ * sizeof(uint64_t));
@@ -185,13 +193,12 @@ void LayerLight::PackRows(const LayerViews& views, int threads) {
         *entry++ = bytes ? Pack(bytes) : absent_[0];
       }
     }
-    vertices_[v].row = reinterpret_cast<const std::byte*>(row);
+    row_[v].words = reinterpret_cast<const std::byte*>(row);
   });
 }
 
 void LayerLight::PackDiffuse(const LayerViews& views) {
-  diffuse_.assign(2 * static_cast<size_t>(domain_.vertex_count()), absent_[0]);
-  for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
+  for (uint32_t v = 0; v < domain_.row_count(); ++v)
     views.diffuse.Row(v).ForEach(
         [&](uint32_t side, const std::byte* bytes) { diffuse_[2 * size_t{v} + side] = Pack(bytes); });
 }
@@ -222,9 +229,14 @@ inline void LayerLight::LookBatches(std::span<const LightQuery> queries, HitLigh
   for (size_t first = 0; first < queries.size(); first += kBatch) {
     const size_t count = std::min<size_t>(kBatch, queries.size() - first);
     const LightQuery* query = queries.data() + first;
-    for (size_t i = 0; i < count; ++i) __builtin_prefetch(&triangles_[query[i].triangle]);
-    for (size_t i = 0; i < count; ++i)
+    for (size_t i = 0; i < count; ++i) {
+      __builtin_prefetch(&triangles_[query[i].triangle]);
+      __builtin_prefetch(facet_rows_.Begin(query[i].triangle));
+    }
+    for (size_t i = 0; i < count; ++i) {
       for (const uint32_t v : triangles_[query[i].triangle].vertex) __builtin_prefetch(&vertices_[v]);
+      FindRows(query[i], &pending[i]);
+    }
     for (size_t i = 0; i < count; ++i) {
       reflects[i] = Orient(query[i], &pending[i]);
       if (reflects[i]) Locate(query[i].wo, &hint, &pending[i]);
@@ -235,13 +247,30 @@ inline void LayerLight::LookBatches(std::span<const LightQuery> queries, HitLigh
   }
 }
 
+/// As TransferReader.
+inline void LayerLight::FindRows(const LightQuery& query, Pending* hit) const {
+  std::array<float, 3> weight = {1 - query.u - query.v, query.u, query.v};
+  hit->barycentric = weight;
+  hit->rows = 0;
+  float total = 0;
+  for (const FacetRows::Row& row : facet_rows_.Locate(query.triangle, &weight)) {
+    const float w = row.At(weight);
+    if (w <= 0) continue;
+    __builtin_prefetch(&row_[row.row]);
+    hit->row[hit->rows] = row.row;
+    hit->row_weight[hit->rows++] = w;
+    total += w;
+  }
+  if (total > 0 && total < 0.999f)
+    for (int i = 0; i < hit->rows; ++i) hit->row_weight[i] /= total;
+}
+
 inline bool LayerLight::Orient(const LightQuery& query, Pending* hit) const {
   const Triangle& t = triangles_[query.triangle];
   glm::vec3 face = t.normal;
   const bool back = glm::dot(face, query.wo) < 0;
   if (back && !t.double_sided) return false;
   hit->triangle = &t;
-  hit->barycentric = {1 - query.u - query.v, query.u, query.v};
   hit->side = back ? -1.0f : 1.0f;
   hit->wo = query.wo;
   face *= hit->side;
@@ -260,7 +289,7 @@ inline void LayerLight::Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit
   if (LocateAround(wo, hint, hit)) return;
   // As TransferReader: wo is under every corner's horizon, and the interpolated normal stands in.
   glm::vec3 n(0);
-  for (int i = 0; i < 3; ++i) n += hit->barycentric[i] * vertices_[hit->triangle->vertex[i]].normal;
+  for (int i = 0; i < hit->rows; ++i) n += hit->row_weight[i] * row_[hit->row[i]].normal;
   const float length2 = glm::dot(n, n);
   LocateAround(length2 > 1e-20f ? n * (hit->side / std::sqrt(length2)) : hit->normal, hint, hit);
 }
@@ -271,32 +300,32 @@ inline bool LayerLight::LocateAround(const glm::vec3& direction, uint32_t* hint,
   const DirectionGrid::Cell& cell = grid_.cell(*hint);
   const Float4 x = Load(cell.x), y = Load(cell.y), z = Load(cell.z);
   const Float4 share = {location.weight[0], location.weight[1], location.weight[2], 0};
-  Float4 weight[3], total = {};
-  for (int i = 0; i < 3; ++i) {
-    const glm::vec3& n = vertices_[hit->triangle->vertex[i]].normal;
+  Float4 weight[kMaxPointRows], total = {};
+  for (int i = 0; i < hit->rows; ++i) {
+    const glm::vec3& n = row_[hit->row[i]].normal;
     const Float4 cosine = (n.x * hit->side) * x + (n.y * hit->side) * y + (n.z * hit->side) * z;
-    weight[i] = cosine > 0.0f ? hit->barycentric[i] * share : Float4{};
+    weight[i] = cosine > 0.0f ? hit->row_weight[i] * share : Float4{};
     total += weight[i];
   }
   const float sum = total[0] + total[1] + total[2];
   const float scale = sum > 0 ? 1 / sum : 0;
   hit->defined = sum > 0;
-  for (int i = 0; i < 3; ++i) {
+  for (int i = 0; i < hit->rows; ++i) {
     const Float4 scaled = weight[i] * scale;
     std::memcpy(hit->weight[i].data(), &scaled, sizeof scaled);
   }
   for (int j = 0; j < 3; ++j) {
     hit->word[j] = location.index[j] / kWordColumns;
     hit->bit[j] = location.index[j] % kWordColumns;
-    for (const uint32_t v : hit->triangle->vertex)
-      __builtin_prefetch(vertices_[v].row + sizeof(uint64_t) * hit->word[j]);
+    for (int i = 0; i < hit->rows; ++i)
+      __builtin_prefetch(row_[hit->row[i]].words + sizeof(uint64_t) * hit->word[j]);
   }
   return hit->defined;
 }
 
 inline void LayerLight::FindEntries(Pending* hit) const {
-  for (int i = 0; i < 3; ++i) {
-    const std::byte* row = vertices_[hit->triangle->vertex[i]].row;
+  for (int i = 0; i < hit->rows; ++i) {
+    const std::byte* row = row_[hit->row[i]].words;
     const Entry* entries = reinterpret_cast<const Entry*>(row) + head_;
     for (int j = 0; j < 3; ++j) {
       const auto word = table_internal::Load<uint64_t>(row + sizeof(uint64_t) * hit->word[j]);
@@ -336,7 +365,7 @@ inline HitLight LayerLight::Evaluate(const Pending& hit) const {
   }
   for (int k = 0; k < slice.lobes; ++k) {
     Sums sums;
-    for (int i = 0; i < 3; ++i)
+    for (int i = 0; i < hit.rows; ++i)
       for (int j = 0; j < 3; ++j) sums.Add(hit.weight[i][j], hit.entry[3 * i + j][k]);
     if (!hit.defined) sums.Add(1, absent_[0]);
     const BrdfLobe& lobe = slice.lobe[k];
@@ -349,7 +378,9 @@ inline HitLight LayerLight::Evaluate(const Pending& hit) const {
   if (diffuse_.empty() || diffuse.x + diffuse.y + diffuse.z <= 0) return out;
   const glm::vec3 albedo = DiffuseAlbedo({sampler.model(), sampler.shape(), specular, diffuse}, hit.cos_o);
   Sums sums;
-  for (int i = 0; i < 3; ++i) sums.Add(hit.barycentric[i], diffuse_[2 * size_t{v[i]} + (hit.side < 0)]);
+  for (int i = 0; i < hit.rows; ++i)
+    sums.Add(hit.row_weight[i], diffuse_[2 * size_t{hit.row[i]} + (hit.side < 0)]);
+  if (hit.rows == 0) sums.Add(1, absent_[0]);
   if (layer_ == 0) {
     AddDirect(sums, albedo, hit.normal, kCosineKappa, &out);
   } else {

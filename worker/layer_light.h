@@ -11,6 +11,7 @@
 #include "common/archive/archive.h"
 #include "common/domain/bake_domain.h"
 #include "common/domain/direction_grid.h"
+#include "common/domain/facet_rows.h"
 #include "common/lobes/slice_sampler.h"
 
 namespace glint {
@@ -30,14 +31,15 @@ struct HitLight {
 };
 
 /// One layer's tables packed for look-ups at hits, of which a bake makes hundreds of millions. It answers
-/// what TransferReader answers (interpolation over three vertices and three directions, Eq. 7), but only in
+/// what TransferReader answers (interpolation over bake vertices and three directions, Eq. 7), but only in
 /// moments: corners that are too far apart to be averaged are each kept, not grouped. Entries are decoded
 /// once into sixteen bytes that add up with two multiply-adds, all lobes of a (vertex, direction) side by
 /// side; look-ups run in batches whose stages prefetch what the next will read. Memory: 16 bytes a stored
-/// lobe, and 8 bytes for each 48 directions of a vertex. Immutable; thread-safe.
+/// lobe, and 8 bytes for each 48 directions of a bake vertex. Immutable; thread-safe.
 class LayerLight {
  public:
-  LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views, int layer,
+  /// @param views  null: layer 0 of a scene in which nothing blocks anything
+  LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews* views, int layer,
              int threads);
 
   /// out[i] answers queries[i]. Queries in a row that are near each other go faster; the answers do not
@@ -67,7 +69,10 @@ class LayerLight {
   struct alignas(64) Vertex {
     glm::vec3 normal, specular, diffuse;
     uint32_t shape;
-    const std::byte* row;  ///< words, then entries; a shared one without entries where nothing is stored
+  };
+  struct alignas(32) Row {
+    glm::vec3 normal;
+    const std::byte* words;  ///< and entries behind them; shared, without entries, where nothing is stored
   };
   struct Pending;
   struct Sums;
@@ -78,6 +83,7 @@ class LayerLight {
   Entry Pack(const std::byte* stored) const;
   void LookWide(std::span<const LightQuery> queries, HitLight* out) const;
   void LookBatches(std::span<const LightQuery> queries, HitLight* out) const;
+  void FindRows(const LightQuery& query, Pending* hit) const;
   bool Orient(const LightQuery& query, Pending* hit) const;
   void Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit) const;
   bool LocateAround(const glm::vec3& direction, uint32_t* hint, Pending* hit) const;
@@ -89,6 +95,7 @@ class LayerLight {
 
   const BakeDomain& domain_;
   const DirectionGrid& grid_;
+  const FacetRows facet_rows_;
   const int layer_;
   const int lobes_;
   const uint32_t words_;  ///< of a row
@@ -97,10 +104,11 @@ class LayerLight {
   std::vector<SliceSampler> samplers_;
   std::vector<Triangle> triangles_;
   std::vector<Vertex> vertices_;
+  std::vector<Row> row_;
   std::vector<Entry> absent_;  ///< as many as lobes: what a direction without an entry stands for
   std::vector<uint64_t> empty_row_;
-  std::vector<Entry> rows_;     ///< all rows; their words take up entries, too
-  std::vector<Entry> diffuse_;  ///< [2 vertex + side]; empty if nothing is diffuse
+  std::vector<Entry> packed_;   ///< all rows; their words take up entries, too
+  std::vector<Entry> diffuse_;  ///< [2 row + side]
 };
 
 }  // namespace glint

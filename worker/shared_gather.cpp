@@ -55,9 +55,10 @@ class SharedGatherer : public Gatherer {
         cache_(input_, settings_, memory_bytes) {}
 
   void BeginLayer(int layer, const LayerViews* previous, int threads) override {
+    cache_.Turn();
     light_.reset();
     if (layer > 0)
-      light_ = std::make_unique<LayerLight>(input_.domain, input_.grid, *previous, layer - 1, threads);
+      light_ = std::make_unique<LayerLight>(input_.domain, input_.grid, previous, layer - 1, threads);
   }
 
   BlockResult Gather(const GatherBlock& block) override {
@@ -76,16 +77,18 @@ class SharedGatherer : public Gatherer {
     if (owns_diffuse) result->slots.back().BeginRow();
     if (!cache_.surface().used(v)) return;
     Side sides[2];
-    const int side_count = input_.domain.double_sided[v] ? 2 : 1;
+    const BakeVertex vertex = input_.domain.Row(v);
+    const int side_count = vertex.double_sided ? 2 : 1;
     for (int s = 0; s < side_count; ++s) {
       sides[s] = PrepareSide(v, s, scratch, owns_diffuse ? &result->counters : nullptr);
-      if (owns_diffuse) GatherDiffuse(v, s, sides[s], result);
+      if (owns_diffuse) GatherDiffuse(vertex.diffuse, s, sides[s], result);
     }
-    for (uint32_t column = block.first_column; column < block.first_column + block.columns; ++column) {
+    for (uint32_t column = block.first_column; column < block.first_column + block.columns;
+         column += block.column_step) {
       const glm::vec3& wo = input_.grid.direction(column);
-      const int s = glm::dot(input_.domain.normals[v], wo) > 0 ? 0 : 1;
+      const int s = glm::dot(vertex.normal, wo) > 0 ? 0 : 1;
       if (s >= side_count || glm::dot(sides[s].frame.n, wo) <= 0) continue;
-      GatherSlices(v, column, wo, sides[s], scratch, result);
+      GatherSlices(vertex.shape, column, wo, sides[s], scratch, result);
     }
   }
 
@@ -113,9 +116,9 @@ class SharedGatherer : public Gatherer {
     return side;
   }
 
-  void GatherSlices(uint32_t v, uint32_t column, const glm::vec3& wo, const Side& side, Scratch* scratch,
+  void GatherSlices(uint16_t shape, uint32_t column, const glm::vec3& wo, const Side& side, Scratch* scratch,
                     BlockResult* result) {
-    const SliceSampler& sampler = samplers_[input_.domain.shape[v]];
+    const SliceSampler& sampler = samplers_[shape];
     result->counters.slices += sampler.lobes();
     if (!side.samples->any_active()) return;
     const UnoccludedSlice slice(sampler, side.frame.n, wo);
@@ -172,8 +175,7 @@ class SharedGatherer : public Gatherer {
     return sums;
   }
 
-  void GatherDiffuse(uint32_t v, int s, const Side& side, BlockResult* result) {
-    const glm::vec3& diffuse = input_.domain.diffuse[v];
+  void GatherDiffuse(const glm::vec3& diffuse, int s, const Side& side, BlockResult* result) {
     if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
     ++result->counters.slices;
     if (!side.samples->any_active()) return;

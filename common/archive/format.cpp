@@ -89,6 +89,8 @@ std::string Section::Name() const {
       return "cameras";
     case Kind::kReport:
       return "report";
+    case Kind::kNodes:
+      return "nodes";
     case Kind::kTable:
       return "table " + std::to_string(layer) + "/" + std::to_string(slot);
   }
@@ -107,6 +109,7 @@ std::array<std::byte, kHeaderBytes> EncodeHeader(const Header& header) {
   Put(at + 32, header.vertices);
   Put(at + 40, header.triangles);
   std::memcpy(at + 48, header.archive_key.bytes.data(), header.archive_key.bytes.size());
+  Put(at + 80, header.rows);
   Put(at + kHeaderChecksumOffset, Checksum64({at, kHeaderChecksumOffset}));
   return out;
 }
@@ -132,12 +135,13 @@ Result<Header> DecodeHeader(std::span<const std::byte> file) {
   header.vertices = Get<uint64_t>(at + 32);
   header.triangles = Get<uint64_t>(at + 40);
   std::memcpy(header.archive_key.bytes.data(), at + 48, header.archive_key.bytes.size());
-  if (Get<uint32_t>(at + 12) != kHeaderBytes || !AllZero({at + 28, 4}) || !AllZero({at + 80, 40})) {
+  header.rows = Get<uint64_t>(at + 80);
+  if (Get<uint32_t>(at + 12) != kHeaderBytes || !AllZero({at + 28, 4}) || !AllZero({at + 88, 32})) {
     return BadInput("header: reserved bytes are set; a newer Glint may read it");
   }
   if (header.grid_level > DirectionGrid::kMaxLevel || header.layers > kMaxLayers ||
       header.slots > static_cast<uint32_t>(kMaxBrdfLobes) || header.vertices > kMaxVertices ||
-      header.triangles > kMaxTriangles) {
+      header.triangles > kMaxTriangles || header.rows > kMaxVertices) {
     return BadInput("header: a count is out of range; bake it again");
   }
   return header;

@@ -23,16 +23,16 @@ glm::vec3 NormalizeOr(const glm::vec3& v, const glm::vec3& fallback) {
 }
 
 /// Interpolates the direct lobe of one table. Corners without an entry are unblocked.
-/// @param weight  of corner (vertex i, column j) at [i * columns + j]
+/// @param weight  of corner (row i, column j) at [i * columns + j]
 template <int kColumns>
-DirectLobe InterpolateDirect(const SliceTableView& table, const std::array<uint32_t, 3>& vertex,
+DirectLobe InterpolateDirect(const SliceTableView& table, const TransferPoint& point,
                              const std::array<uint32_t, kColumns>& column,
-                             const std::array<float, 3 * kColumns>& weight) {
+                             const std::array<float, kColumns * kMaxPointRows>& weight) {
   float fraction = 0, kappa_ratio = 0;
   glm::vec3 shift(0);
   bool stored = false;
-  for (int i = 0; i < 3; ++i) {
-    const SliceTableView::RowView row = table.Row(vertex[i]);
+  for (int i = 0; i < point.rows; ++i) {
+    const SliceTableView::RowView row = table.Row(point.row[i]);
     for (int j = 0; j < kColumns; ++j) {
       const float w = weight[i * kColumns + j];
       const std::byte* entry = row.empty() || w <= 0 ? nullptr : row.Find(column[j]);
@@ -115,20 +115,20 @@ class CornerGroups {
     if (strength > 0) out->Add({alpha * scale, NormalizeOr(mu, seed.mu), kappa / strength, false});
   }
 
-  std::array<Corner, 9> corner_;
+  std::array<Corner, 3 * kMaxPointRows> corner_;
   int count_ = 0;
   glm::vec3 alpha_{0}, mu_{0};  ///< sums over all corners
   float kappa_ = 0, strength_ = 0;
 };
 
 template <int kColumns>
-void InterpolateIndirect(const SliceTableView& table, const std::array<uint32_t, 3>& vertex,
+void InterpolateIndirect(const SliceTableView& table, const TransferPoint& point,
                          const std::array<uint32_t, kColumns>& column,
-                         const std::array<float, 3 * kColumns>& weight, const glm::vec3& scale,
+                         const std::array<float, kColumns * kMaxPointRows>& weight, const glm::vec3& scale,
                          LayerLobes* out) {
   CornerGroups groups;
-  for (int i = 0; i < 3; ++i) {
-    const SliceTableView::RowView row = table.Row(vertex[i]);
+  for (int i = 0; i < point.rows; ++i) {
+    const SliceTableView::RowView row = table.Row(point.row[i]);
     if (row.empty()) continue;
     for (int j = 0; j < kColumns; ++j) {
       const float w = weight[i * kColumns + j];
@@ -148,7 +148,10 @@ std::array<glm::vec3, 2> IncidenceAxes(const glm::vec3& normal, const glm::vec3&
 }
 
 TransferReader::TransferReader(const BakeDomain& domain, const DirectionGrid& grid)
-    : domain_(domain), grid_(grid), samplers_(MakeSliceSamplers(domain.shapes)) {}
+    : domain_(domain), grid_(grid), facet_rows_(domain), samplers_(MakeSliceSamplers(domain.shapes)) {
+  row_normals_.reserve(domain.row_count());
+  for (uint32_t row = 0; row < domain.row_count(); ++row) row_normals_.push_back(domain.Row(row).normal);
+}
 
 BrdfSlice TransferReader::BlendSlices(const std::array<uint32_t, 3>& vertex,
                                       const std::array<float, 3>& weight, float cos_o) const {
@@ -226,7 +229,7 @@ void TransferReader::WeighCorners(TransferPoint* point) const {
   // Normals at odds with their face: wo is under the horizon of every corner. The slices for the direction of
   // the interpolated normal n stand in; one of them is defined, as the sum of w_i n_i . n is |n|^2.
   glm::vec3 n(0);
-  for (int i = 0; i < 3; ++i) n += point->vertex_weight[i] * domain_.normals[point->vertex[i]];
+  for (int i = 0; i < point->rows; ++i) n += point->row_weight[i] * row_normals_[point->row[i]];
   WeighCornersAround(NormalizeOr(point->back ? -n : n, point->normal), point);
 }
 
@@ -235,22 +238,57 @@ bool TransferReader::WeighCornersAround(const glm::vec3& direction, TransferPoin
   point->column = location.index;
   const float side = point->back ? -1.0f : 1.0f;
   float total = 0;
-  for (int i = 0; i < 3; ++i) {
-    const glm::vec3 n = side * domain_.normals[point->vertex[i]];
+  for (int i = 0; i < point->rows; ++i) {
+    const glm::vec3 n = side * row_normals_[point->row[i]];
     for (int j = 0; j < 3; ++j) {
       const bool defined = glm::dot(n, grid_.direction(location.index[j])) > 0;
-      const float w = defined ? point->vertex_weight[i] * location.weight[j] : 0.0f;
+      const float w = defined ? point->row_weight[i] * location.weight[j] : 0.0f;
       point->corner_weight[3 * i + j] = w;
       total += w;
     }
   }
   const float scale = total > 0 ? 1 / total : 0;
-  for (float& w : point->corner_weight) w *= scale;
+  for (int i = 0; i < 3 * point->rows; ++i) point->corner_weight[i] *= scale;
   return total > 0;
+}
+
+void TransferReader::FindRows(TransferPoint* point) const {
+  std::array<float, 3> weight = point->vertex_weight;
+  float total = 0;
+  point->rows = 0;
+  for (const FacetRows::Row& row : facet_rows_.Locate(point->triangle, &weight)) {
+    const float w = row.At(weight);
+    point->row[point->rows] = row.row;
+    point->row_weight[point->rows++] = w;
+    total += w;
+  }
+  // Less than 1 only beside nodes for which nobody answers.
+  if (total > 0 && total < 0.999f)
+    for (int i = 0; i < point->rows; ++i) point->row_weight[i] /= total;
 }
 
 bool TransferReader::Prepare(uint32_t triangle, float u, float v, const glm::vec3& wo,
                              TransferPoint* point) const {
+  if (!PrepareSurface(triangle, u, v, wo, point)) return false;
+  FindRows(point);
+  WeighCorners(point);
+  return true;
+}
+
+bool TransferReader::Prepare(const SurfacePlace& place, const glm::vec3& wo, std::span<const RowWeight> rows,
+                             TransferPoint* point) const {
+  if (!PrepareSurface(place.triangle, place.u, place.v, wo, point)) return false;
+  point->rows = 0;
+  for (const RowWeight& row : rows) {
+    point->row[point->rows] = row.row;
+    point->row_weight[point->rows++] = row.value();
+  }
+  WeighCorners(point);
+  return true;
+}
+
+bool TransferReader::PrepareSurface(uint32_t triangle, float u, float v, const glm::vec3& wo,
+                                    TransferPoint* point) const {
   point->triangle = triangle;
   point->u = u;
   point->v = v;
@@ -259,7 +297,6 @@ bool TransferReader::Prepare(uint32_t triangle, float u, float v, const glm::vec
   point->vertex_weight = {1 - u - v, u, v};
   if (!OrientNormal(triangle, point->vertex_weight, point)) return false;
   InterpolateReflectance(point->vertex_weight, point);
-  WeighCorners(point);
   return true;
 }
 
@@ -272,22 +309,21 @@ void TransferReader::Read(const TransferPoint& point, const LayerViews& layer, i
     const BrdfLobe& brdf = point.slice.lobe[k];
     const glm::vec3 weight = brdf.Weight(point.specular);
     if (index > 0) {
-      InterpolateIndirect<3>(layer.specular[k], point.vertex, point.column, point.corner_weight, weight, out);
+      InterpolateIndirect<3>(layer.specular[k], point, point.column, point.corner_weight, weight, out);
       continue;
     }
     const DirectLobe direct =
-        InterpolateDirect<3>(layer.specular[k], point.vertex, point.column, point.corner_weight);
+        InterpolateDirect<3>(layer.specular[k], point, point.column, point.corner_weight);
     if (direct.fraction > 0)
       out->Add({weight * direct.fraction, NormalizeOr(point.lobe_mu[k] + direct.shift, point.lobe_mu[k]),
                 std::min(brdf.kappa * direct.kappa_ratio, kMaxKappa), false});
   }
   if (!diffuse) return;
   if (index > 0) {
-    InterpolateIndirect<1>(layer.diffuse, point.vertex, {side}, point.vertex_weight, point.diffuse_albedo,
-                           out);
+    InterpolateIndirect<1>(layer.diffuse, point, {side}, point.row_weight, point.diffuse_albedo, out);
     return;
   }
-  const DirectLobe direct = InterpolateDirect<1>(layer.diffuse, point.vertex, {side}, point.vertex_weight);
+  const DirectLobe direct = InterpolateDirect<1>(layer.diffuse, point, {side}, point.row_weight);
   if (direct.fraction > 0)
     out->Add({point.diffuse_albedo * direct.fraction, NormalizeOr(point.normal + direct.shift, point.normal),
               kCosineKappa * direct.kappa_ratio, true});

@@ -9,6 +9,7 @@
 #include "common/archive/archive.h"
 #include "common/domain/bake_domain.h"
 #include "common/domain/direction_grid.h"
+#include "common/domain/facet_rows.h"
 #include "common/lobes/slice_sampler.h"
 #include "common/lobes/vmf.h"
 
@@ -26,12 +27,15 @@ struct TransferPoint {
   glm::vec3 diffuse_albedo{0};
   BrdfSlice slice;  ///< unoccluded lobes at cos_o, as AboveHorizon reads them out
   std::array<glm::vec3, kMaxBrdfLobes> lobe_mu;  ///< their directions, world
-  std::array<uint32_t, 3> vertex{};
-  std::array<uint32_t, 3> column{};  ///< grid directions around wo
-  /// Weight of (vertex i, column j) at [3 i + j]: 0 where the direction lies under the vertex's own horizon
-  /// (no slice is defined there), and the rest add up to 1.
-  std::array<float, 9> corner_weight{};
-  std::array<float, 3> vertex_weight{};  ///< barycentric, for slices that do not depend on wo
+  std::array<uint32_t, 3> vertex{};              ///< of the triangle
+  std::array<float, 3> vertex_weight{};          ///< barycentric
+  int rows = 0;                                  ///< bake vertices that answer here
+  std::array<uint32_t, kMaxPointRows> row{};
+  std::array<float, kMaxPointRows> row_weight{};  ///< for slices that do not depend on wo; add up to 1
+  std::array<uint32_t, 3> column{};               ///< grid directions around wo
+  /// Weight of (row i, column j) at [3 i + j]: 0 where the direction lies under the row's own horizon (no
+  /// slice is defined there), and the rest add up to 1.
+  std::array<float, 3 * kMaxPointRows> corner_weight{};
 };
 
 /// One term of a point's transfer: radiance = alpha * (environment filtered by the lobe). With `cosine` set
@@ -64,7 +68,7 @@ struct LayerLobes {
 /// side. At normal incidence, where every plane will do, x is some tangent.
 std::array<glm::vec3, 2> IncidenceAxes(const glm::vec3& normal, const glm::vec3& wo);
 
-/// Reads slices at any point and direction by interpolation over the triangle's vertices and the grid
+/// Reads slices at any point and direction by interpolation over the bake vertices around and the grid
 /// directions around wo (laurijssen2011 Eq. 7); lobes further apart than 2 / sqrt(kappa) are kept apart.
 /// Thread-safe.
 class TransferReader {
@@ -73,12 +77,18 @@ class TransferReader {
 
   /// False where nothing is reflected: seen from behind a single-sided surface.
   bool Prepare(uint32_t triangle, float u, float v, const glm::vec3& wo, TransferPoint* point) const;
+  /// The same as answered by these rows alone, whatever the domain says of who answers there.
+  bool Prepare(const SurfacePlace& place, const glm::vec3& wo, std::span<const RowWeight> rows,
+               TransferPoint* point) const;
   /// Lobes of layer `index` (0: direct) at the point.
   void Read(const TransferPoint& point, const LayerViews& layer, int index, LayerLobes* out) const;
 
  private:
+  bool PrepareSurface(uint32_t triangle, float u, float v, const glm::vec3& wo, TransferPoint* point) const;
   bool OrientNormal(uint32_t triangle, const std::array<float, 3>& barycentric, TransferPoint* point) const;
   void InterpolateReflectance(const std::array<float, 3>& barycentric, TransferPoint* point) const;
+  /// Bake vertices around the point and their weights.
+  void FindRows(TransferPoint* point) const;
   void WeighCorners(TransferPoint* point) const;
   /// Corners' weights for the slices around `direction`. False if none of them is defined.
   bool WeighCornersAround(const glm::vec3& direction, TransferPoint* point) const;
@@ -89,6 +99,8 @@ class TransferReader {
 
   const BakeDomain& domain_;
   const DirectionGrid& grid_;
+  const FacetRows facet_rows_;
+  std::vector<glm::vec3> row_normals_;
   std::vector<SliceSampler> samplers_;  ///< of domain_.shapes
 };
 

@@ -43,7 +43,7 @@ Status CheckEntries(const SliceTableView& table, bool direct, int threads) {
     found += in_row;
   });
   if (const uint64_t bad = first_bad; bad != ~uint64_t{0}) {
-    return Mismatch("vertex " + std::to_string(bad / table.columns()) + ", direction " +
+    return Mismatch("bake vertex " + std::to_string(bad / table.columns()) + ", direction " +
                     std::to_string(bad % table.columns()) + ": a code is out of its range; bake again");
   }
   if (found != table.entries()) {
@@ -53,11 +53,11 @@ Status CheckEntries(const SliceTableView& table, bool direct, int threads) {
   return {};
 }
 
-/// Nothing is seen from behind a single-sided vertex.
+/// Nothing is seen from behind a single-sided bake vertex.
 Status CheckSides(const SliceTableView& diffuse, const BakeDomain& domain) {
-  for (uint32_t v = 0; v < domain.vertex_count(); ++v) {
-    if (!domain.double_sided[v] && diffuse.Find(v, 1) != nullptr) {
-      return Mismatch("vertex " + std::to_string(v) +
+  for (uint32_t v = 0; v < domain.row_count(); ++v) {
+    if (!domain.Row(v).double_sided && diffuse.Find(v, 1) != nullptr) {
+      return Mismatch("bake vertex " + std::to_string(v) +
                       ": single-sided, but it has a slice of its back; bake again");
     }
   }

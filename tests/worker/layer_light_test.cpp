@@ -164,8 +164,8 @@ TEST_F(LayerLightTest, OneByOneIsAsInBatches) {
 TEST_F(LayerLightTest, ThreadsDoNotShow) {
   const std::vector<LightQuery> queries = RandomQueries(500);
   std::vector<HitLight> one(queries.size()), three(queries.size());
-  LayerLight(domain_, grid_, views_[0], 0, 1).Look(queries, one.data());
-  LayerLight(domain_, grid_, views_[0], 0, 3).Look(queries, three.data());
+  LayerLight(domain_, grid_, &views_[0], 0, 1).Look(queries, one.data());
+  LayerLight(domain_, grid_, &views_[0], 0, 3).Look(queries, three.data());
   for (size_t i = 0; i < queries.size(); ++i) {
     EXPECT_EQ(one[i].alpha, three[i].alpha);
     EXPECT_EQ(one[i].moment, three[i].moment);

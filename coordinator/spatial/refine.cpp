@@ -1,0 +1,309 @@
+#include "coordinator/spatial/refine.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <glm/common.hpp>
+#include <glm/ext/vector_double3.hpp>
+#include <glm/geometric.hpp>
+#include <numeric>
+#include <utility>
+
+#include "common/base/parallel.h"
+#include "common/scene/ray_scene.h"
+#include "coordinator/spatial/predictions.h"
+#include "coordinator/spatial/probe_rows.h"
+#include "coordinator/spatial/vertex_hierarchy.h"
+#include "coordinator/spatial/visibility_masks.h"
+
+namespace glint {
+namespace {
+
+/// Vertices that see other things than those they are predicted from, in more than this part of the
+/// directions, are tested though nothing around them is badly predicted.
+constexpr double kUnlike = 0.08;
+/// The first levels above the coarsest are tested everywhere: what is around them has not been.
+constexpr int kTestedLevels = 2;
+/// Faces are large, and tested inside even where nothing around them says so, above this part of the surface;
+/// and, where their corners see different things, above the second.
+constexpr double kLargeFace = 1.0 / 128, kUnlikeFace = 1.0 / 16384;
+constexpr int kMaxSplitRounds = FacetTree::kMaxDepth;
+
+/// Of each node the first that is the same in all that counts.
+std::vector<uint32_t> SameNodes(const std::vector<uint32_t>& welded, const FacetTree& facets) {
+  std::vector<uint32_t> same = welded;
+  same.insert(same.end(), facets.welded_middles().begin(), facets.welded_middles().end());
+  return same;
+}
+
+class Refinement {
+ public:
+  Refinement(const RefinementInput& input, const RayScene& rays, BakeDomain* domain)
+      : input_(input),
+        domain_(*domain),
+        hierarchy_(BuildHierarchy(domain_)),
+        masks_(domain_, rays),
+        probes_({domain, input.grid, input.settings, input.bake_key, input.store, input.executor,
+                 input.threads, 64}),
+        error_(domain_.vertex_count(), 0) {
+    predictions_.Resize(domain_.vertex_count());
+    double diagonal = 0;
+    if (!domain_.positions.empty()) {
+      glm::vec3 low = domain_.positions[0], high = low;
+      for (const glm::vec3& p : domain_.positions) low = glm::min(low, p), high = glm::max(high, p);
+      diagonal = glm::length(glm::dvec3(high) - glm::dvec3(low));
+    }
+    shortest_ = diagonal * input.settings.smallest_edge;
+    used_.assign(domain_.vertex_count(), 0);
+    for (const auto& t : domain_.triangles) {
+      total_area_ += Area(t);
+      for (const uint32_t v : t) used_[hierarchy_.welded[v]] = 1;
+    }
+  }
+
+  Result<RefinementReport> Run() {
+    GLINT_RETURN_IF_ERROR(BakeCoarsest());
+    for (int level = 1; level <= hierarchy_.levels; ++level) GLINT_RETURN_IF_ERROR(RefineLevel(level));
+    GLINT_RETURN_IF_ERROR(RefineFaces());
+    const std::vector<uint32_t> same = SameNodes(hierarchy_.welded, domain_.nodes.facets);
+    domain_.nodes = predictions_.Finish(domain_, same);
+    report_.levels = static_cast<uint32_t>(hierarchy_.levels);
+    report_.tested = probes_.computed();
+    report_.baked = domain_.nodes.rows.size();
+    report_.middles = domain_.nodes.facets.middles().size();
+    report_.degenerate = hierarchy_.degenerate;
+    report_.non_manifold = hierarchy_.non_manifold;
+    return report_;
+  }
+
+ private:
+  /// A node to be tested, what it would be predicted from, and the surface that it stands for.
+  struct Candidate {
+    uint32_t node;
+    std::vector<Parent> parents;
+    double area;
+    double square_error = 0;  ///< weighed by how much of the surface it is about
+  };
+
+  double Area(const std::array<uint32_t, 3>& corner) const {
+    const glm::dvec3 a(domain_.NodePosition(corner[0]));
+    return 0.5 * glm::length(glm::cross(glm::dvec3(domain_.NodePosition(corner[1])) - a,
+                                        glm::dvec3(domain_.NodePosition(corner[2])) - a));
+  }
+  double Tolerance2() const {
+    return static_cast<double>(input_.settings.spatial_tolerance) * input_.settings.spatial_tolerance;
+  }
+  /// How much an error over this area matters: in full where a bake vertex stands for as much on average.
+  double Share(double area) const {
+    return std::min(1.0, area * static_cast<double>(predictions_.baked()) / total_area_);
+  }
+  bool Full() const {
+    return input_.settings.max_vertices > 0 && predictions_.baked() >= input_.settings.max_vertices;
+  }
+
+  Status BakeCoarsest() {
+    std::vector<uint32_t> nodes;
+    for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
+      if (hierarchy_.welded[v] == v && hierarchy_.level[v] == 0 && used_[v]) nodes.push_back(v);
+    GLINT_RETURN_IF_ERROR(Compute(nodes));
+    for (const uint32_t v : nodes) predictions_.Bake(v, probes_.Dark(v));
+    return {};
+  }
+
+  Status Compute(const std::vector<uint32_t>& nodes) {
+    ++report_.rounds;
+    return probes_.Compute(nodes);
+  }
+
+  /// Tests a level's vertices where that may be needed; the others are predicted.
+  Status RefineLevel(int level) {
+    std::vector<Candidate> candidates;
+    std::vector<uint32_t> all;
+    for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
+      if (hierarchy_.welded[v] == v && hierarchy_.level[v] == level) all.push_back(v);
+    std::vector<uint32_t> looked = all;
+    for (const uint32_t v : all)
+      for (const Parent& p : hierarchy_.parents[v]) looked.push_back(p.node);
+    masks_.Look(looked, input_.threads);
+    for (const uint32_t v : all) {
+      predictions_.Predict(v, hierarchy_.parents[v]);
+      if (level <= kTestedLevels || MayDiffer(v))
+        candidates.push_back({v, hierarchy_.parents[v], hierarchy_.area[v]});
+    }
+    return Test(std::move(candidates));
+  }
+
+  bool MayDiffer(uint32_t v) const {
+    for (const Parent& p : hierarchy_.parents[v])
+      if (error_[p.node] > 0) return true;
+    double unlike = 0;
+    for (const Parent& p : hierarchy_.parents[v]) unlike += p.weight * masks_.Difference(v, p.node);
+    return unlike > kUnlike;
+  }
+
+  /// Computes candidates and bakes those that are predicted badly, worst first.
+  Status Test(std::vector<Candidate> candidates) {
+    if (candidates.empty() || Full()) return {};
+    std::vector<uint32_t> nodes;
+    for (const Candidate& c : candidates) nodes.push_back(c.node);
+    GLINT_RETURN_IF_ERROR(Compute(nodes));
+    ParallelFor(candidates.size(), input_.threads, 8, [&](size_t i, int) {
+      Candidate& c = candidates[i];
+      c.square_error = probes_.SquareError(c.node, predictions_.Combine(c.parents)) * Share(c.area);
+    });
+    std::stable_sort(candidates.begin(), candidates.end(),
+                     [](const Candidate& a, const Candidate& b) { return a.square_error > b.square_error; });
+    for (const Candidate& c : candidates) {
+      if (c.square_error <= Tolerance2() || Full()) break;
+      if (probes_.Dark(c.node)) continue;
+      predictions_.Bake(c.node, false);
+      error_[c.node] = c.square_error / Share(c.area);
+    }
+    return {};
+  }
+
+  /// Halves edges of faces inside which predictions may fail, round by round.
+  Status RefineFaces() {
+    std::vector<uint32_t> splits, faces(domain_.triangles.size());
+    std::iota(faces.begin(), faces.end(), 0);
+    for (int round = 1; round <= kMaxSplitRounds && !Full(); ++round) {
+      const std::vector<uint32_t> active = ActiveFaces(faces, round > 1);
+      if (active.empty()) break;
+      const size_t before = splits.size();
+      splits.insert(splits.end(), active.begin(), active.end());
+      GLINT_ASSIGN_OR_RETURN(splits,
+                             FacetTree::Balance(domain_.triangles, hierarchy_.welded, std::move(splits)));
+      GLINT_RETURN_IF_ERROR(Split(splits));
+      GLINT_RETURN_IF_ERROR(Test(NewMiddles()));
+      faces = UnsplitChildren(splits, before);
+    }
+    return {};
+  }
+
+  /// Faces to be split.
+  /// @param by_new  only errors of the last round's nodes count
+  std::vector<uint32_t> ActiveFaces(const std::vector<uint32_t>& faces, bool by_new) {
+    std::vector<uint32_t> active, looked;
+    for (const uint32_t face : faces)
+      if (Area(Corners(face)) > kUnlikeFace * total_area_)
+        for (const uint32_t c : Corners(face)) looked.push_back(c);
+    masks_.Look(looked, input_.threads);
+    for (const uint32_t face : faces)
+      if (MayHide(face, by_new)) active.push_back(face);
+    return active;
+  }
+
+  bool MayHide(uint32_t face, bool by_new) const {
+    const std::array<uint32_t, 3> corner = Corners(face);
+    const double area = Area(corner);
+    double longest = 0, worst = 0;
+    bool unlike = false;
+    for (int i = 0; i < 3; ++i) {
+      const uint32_t a = corner[i], b = corner[(i + 1) % 3];
+      longest = std::max(longest, Distance(a, b));
+      if (!by_new || Same(a) >= first_new_) worst = std::max(worst, error_[Same(a)]);
+      unlike = unlike || (area > kUnlikeFace * total_area_ && masks_.Difference(a, b) > kUnlike);
+    }
+    if (longest < 2 * shortest_) return false;
+    return unlike || area > kLargeFace * total_area_ || worst * Share(area) > Tolerance2();
+  }
+
+  Status Split(const std::vector<uint32_t>& splits) {
+    GLINT_ASSIGN_OR_RETURN(domain_.nodes.facets,
+                           FacetTree::Make(domain_.triangles, hierarchy_.welded, splits));
+    domain_.nodes.splits = splits;
+    const size_t nodes = domain_.vertex_count() + domain_.nodes.facets.middles().size();
+    first_new_ = static_cast<uint32_t>(error_.size());
+    predictions_.Resize(nodes);
+    error_.resize(nodes, 0);
+    masks_.Turn();
+    return {};
+  }
+
+  /// The last round's nodes, predicted from the ends of the edges that they halve.
+  std::vector<Candidate> NewMiddles() {
+    constexpr double kAreaOfEdge = 0.43;  ///< half of the two equilateral triangles over it
+    std::vector<Candidate> candidates;
+    for (uint32_t node = first_new_; node < error_.size(); ++node) {
+      if (Same(node) != node) continue;
+      const auto& ends = domain_.nodes.facets.middles()[node - domain_.vertex_count()].ends;
+      const std::vector<Parent> parents = {{Same(ends[0]), 0.5f}, {Same(ends[1]), 0.5f}};
+      const double edge = Distance(ends[0], ends[1]);
+      predictions_.Predict(node, parents);
+      candidates.push_back({node, parents, kAreaOfEdge * edge * edge});
+    }
+    return candidates;
+  }
+
+  /// Children of the splits from `first` on that are not split themselves.
+  std::vector<uint32_t> UnsplitChildren(const std::vector<uint32_t>& splits, size_t first) const {
+    std::vector<uint32_t> children, sorted = splits;
+    std::sort(sorted.begin(), sorted.end());
+    for (size_t s = first; s < splits.size(); ++s)
+      for (size_t i = 0; i < 4; ++i) {
+        const auto child = static_cast<uint32_t>(domain_.triangles.size() + 4 * s + i);
+        if (!std::binary_search(sorted.begin(), sorted.end(), child)) children.push_back(child);
+      }
+    return children;
+  }
+
+  const std::array<uint32_t, 3>& Corners(uint32_t element) const {
+    const FacetTree& facets = domain_.nodes.facets;
+    return facets.unsplit() ? domain_.triangles[element] : facets.corners(element);
+  }
+  uint32_t Same(uint32_t node) const {
+    return node < domain_.vertex_count()
+               ? hierarchy_.welded[node]
+               : domain_.nodes.facets.welded_middles()[node - domain_.vertex_count()];
+  }
+  double Distance(uint32_t a, uint32_t b) const {
+    return glm::length(glm::dvec3(domain_.NodePosition(a)) - glm::dvec3(domain_.NodePosition(b)));
+  }
+
+  const RefinementInput& input_;
+  BakeDomain& domain_;
+  const VertexHierarchy hierarchy_;
+  VisibilityMasks masks_;
+  ProbeRows probes_;
+  Predictions predictions_;
+  std::vector<double> error_;  ///< of each node: square of its prediction's, where it is baked for that
+  std::vector<uint8_t> used_;  ///< of each vertex: some triangle has it
+  double total_area_ = 0, shortest_ = 0;
+  uint32_t first_new_ = 0;  ///< node, of the last split's
+  RefinementReport report_;
+};
+
+}  // namespace
+
+Result<RefinementReport> RefineVertices(const RefinementInput& input, BakeDomain* domain) {
+  const RayScene rays(domain->positions, domain->triangles, 1);
+  GLINT_RETURN_IF_ERROR(rays.status());
+  return Refinement(input, rays, domain).Run();
+}
+
+Status SubdivideEvenly(int times, BakeDomain* domain) {
+  const std::vector<uint32_t> welded = WeldVertices(*domain);
+  std::vector<uint32_t> splits;
+  uint64_t begin = 0, end = domain->triangles.size();
+  for (int i = 0; i < times; ++i) {
+    for (uint64_t e = begin; e < end; ++e) {
+      if (splits.size() > FacetTree::kMaxNodes) return LimitExceeded("too many faces; subdivide less often");
+      splits.push_back(static_cast<uint32_t>(e));
+    }
+    begin = end;
+    end = domain->triangles.size() + 4 * splits.size();
+  }
+  GLINT_ASSIGN_OR_RETURN(domain->nodes, SplitNodes(*domain, std::move(splits)));
+  const std::vector<uint32_t> same = SameNodes(welded, domain->nodes.facets);
+  std::vector<uint8_t> used(same.size(), 0);
+  for (const auto& t : domain->triangles)
+    for (const uint32_t v : t) used[same[v]] = 1;
+  Predictions predictions;
+  predictions.Resize(same.size());
+  for (uint32_t node = 0; node < same.size(); ++node)
+    if (same[node] == node && (node >= domain->vertex_count() || used[node])) predictions.Bake(node, false);
+  domain->nodes = predictions.Finish(*domain, same);
+  return {};
+}
+
+}  // namespace glint
