@@ -198,6 +198,14 @@ Status PlaceVertices(const RefinementInput& input, BakeDomain* domain, BakeRepor
   return {};
 }
 
+/// An archive's geometry holds at most three vertices a triangle. Scenes from files have no others.
+Status CheckVertices(const Scene& scene, const std::string& name) {
+  if (scene.positions.size() <= 3 * scene.triangles.size()) return {};
+  return BadInput(name + ": " + std::to_string(scene.positions.size()) + " vertices, more than its " +
+                  std::to_string(scene.triangles.size()) +
+                  " triangles can use; leave out those that no triangle uses");
+}
+
 /// @param begin, loaded  when the bake began, and when the scene was there
 Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const fs::path& out_path,
                               const BakeOptions& options, const BakeProgressCallback& callback, double begin,
@@ -208,6 +216,7 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
   }
   if (options.settings.spatial_tolerance > 0 && options.settings.subdivide > 0)
     return UsageError("faces are either subdivided evenly or refined up to a tolerance: choose one");
+  GLINT_RETURN_IF_ERROR(CheckVertices(scene, name));
   const int threads = ResolveThreadCount(options.threads);
   const Digest bake_key = BakeKey(ExecutionId(), scene.content, options.settings);
   const fs::path work_dir =
@@ -223,6 +232,7 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
 
   progress.Stage("fit");
   BakeDomain domain = BuildBakeDomain(scene, options.settings.fit, threads);
+  report.notes.insert(report.notes.end(), domain.notes.begin(), domain.notes.end());
   const DirectionGrid grid(options.settings.grid_level);
   report.vertices = domain.vertex_count();
   report.triangles = domain.triangles.size();

@@ -81,7 +81,8 @@ struct BakeReport {
 Result<BakeReport> Bake(const std::filesystem::path& scene_path, const std::filesystem::path& out_path,
                         const BakeOptions& options, const BakeProgressCallback& progress = {});
 
-/// The same for a scene in memory; `name` appears in messages and the report.
+/// The same for a scene in memory; `name` appears in messages and the report. kBadInput: more than three
+/// vertices a triangle.
 Result<BakeReport> BakeScene(const Scene& scene, const std::string& name,
                              const std::filesystem::path& out_path, const BakeOptions& options,
                              const BakeProgressCallback& progress = {});

@@ -27,41 +27,67 @@ Result<BlockResult> ReadChunk(ChunkStore& store, const TaskSpec& task, uint32_t 
   return Mismatch(block.status().message());
 }
 
-/// Appends one vertex's rows of all its direction blocks as one row.
-class RowJoiner {
- public:
-  void Add(const BlockRows& rows, size_t row, size_t first_entry, uint32_t entry_bytes) {
-    const size_t count = rows.counts[row];
-    columns_.insert(columns_.end(), rows.columns.begin() + first_entry,
-                    rows.columns.begin() + first_entry + count);
-    entries_.insert(entries_.end(), rows.entries.begin() + first_entry * entry_bytes,
-                    rows.entries.begin() + (first_entry + count) * entry_bytes);
+/// The blocks of all tasks. Chunks that are damaged are discarded, every one of them, before kMismatch is
+/// returned: one more run then mends them all.
+Result<std::vector<BlockResult>> ReadChunks(ChunkStore& store, std::span<const TaskSpec> tasks,
+                                            uint32_t slots, uint32_t entry_bytes, int threads) {
+  std::vector<BlockResult> blocks(tasks.size());
+  std::vector<Status> status(tasks.size());
+  ParallelFor(tasks.size(), threads, 1, [&](size_t i, int) {
+    Result<BlockResult> block = ReadChunk(store, tasks[i], slots, entry_bytes);
+    if (block.ok()) {
+      blocks[i] = std::move(block).value();
+    } else {
+      status[i] = block.status();
+    }
+  });
+  Status damage;
+  for (const Status& s : status) {
+    if (!s.ok() && s.kind() != ErrorKind::kMismatch) return s;
+    if (!s.ok()) damage = s;
   }
-  void Flush(SliceTableBuilder* builder) {
-    builder->AppendRow(columns_, entries_);
-    columns_.clear();
-    entries_.clear();
-  }
-
- private:
-  std::vector<uint16_t> columns_;
-  std::vector<std::byte> entries_;
-};
+  GLINT_RETURN_IF_ERROR(damage);
+  return blocks;
+}
 
 /// The direction blocks of one block of vertices: rows side by side.
-void AppendBlocks(const std::vector<BlockResult>& blocks, uint32_t slot, uint32_t vertices,
-                  uint32_t entry_bytes, SliceTableBuilder* builder) {
-  RowJoiner joiner;
+void AppendBlocks(std::span<const BlockResult> blocks, uint32_t slot, uint32_t vertices, uint32_t entry_bytes,
+                  SliceTableBuilder* builder) {
+  std::vector<uint16_t> columns;
+  std::vector<std::byte> entries;
   std::vector<size_t> next(blocks.size(), 0);
   for (uint32_t row = 0; row < vertices; ++row) {
+    columns.clear();
+    entries.clear();
     for (size_t b = 0; b < blocks.size(); ++b) {
       const BlockRows& rows = blocks[b].slots[slot];
       if (rows.counts.empty()) continue;
-      joiner.Add(rows, row, next[b], entry_bytes);
-      next[b] += rows.counts[row];
+      const size_t begin = next[b], end = begin + rows.counts[row];
+      columns.insert(columns.end(), rows.columns.begin() + begin, rows.columns.begin() + end);
+      entries.insert(entries.end(), rows.entries.begin() + begin * entry_bytes,
+                     rows.entries.begin() + end * entry_bytes);
+      next[b] = end;
     }
-    joiner.Flush(builder);
+    builder->AppendRow(columns, entries);
   }
+}
+
+/// One slot's table of all blocks, which are emptied on the way: a layer is not held twice.
+std::vector<std::byte> BuildTable(std::span<const TaskSpec> tasks, std::span<BlockResult> blocks,
+                                  uint32_t slot, uint32_t columns, uint32_t rows, uint32_t entry_bytes,
+                                  TableForm form) {
+  SliceTableBuilder builder(rows, columns, entry_bytes);
+  size_t entries = 0;
+  for (const BlockResult& block : blocks) entries += block.slots[slot].columns.size();
+  builder.Reserve(entries);
+  for (size_t first = 0, last = 0; first < tasks.size(); first = last) {
+    const GatherBlock& block = tasks[first].block;
+    while (last < tasks.size() && tasks[last].block.first_vertex == block.first_vertex) ++last;
+    const std::span<BlockResult> joined = blocks.subspan(first, last - first);
+    AppendBlocks(joined, slot, block.vertices, entry_bytes, &builder);
+    for (BlockResult& done : joined) done.slots[slot] = {};
+  }
+  return builder.Finish(form);
 }
 
 /// Light of one vertex's slices under a uniform environment, summed over directions, lobes and sides.
@@ -134,34 +160,16 @@ Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, con
   const auto slots = static_cast<uint32_t>(domain.max_lobes()) + 1;
   const int layer_index = tasks.front().layer;
   const uint32_t entry_bytes = layer_index == 0 ? kDirectEntryBytes : kIndirectEntryBytes;
-  std::vector<SliceTableBuilder> builders;
-  for (uint32_t slot = 0; slot < slots; ++slot)
-    builders.emplace_back(domain.row_count(), slot + 1 < slots ? grid.size() : 2, entry_bytes);
-
+  GLINT_ASSIGN_OR_RETURN(std::vector<BlockResult> blocks,
+                         ReadChunks(store, tasks, slots, entry_bytes, threads));
   Layer layer;
-  Status damage;
-  for (size_t first = 0; first < tasks.size();) {
-    std::vector<BlockResult> blocks;
-    const GatherBlock& rows = tasks[first].block;
-    for (; first < tasks.size() && tasks[first].block.first_vertex == rows.first_vertex; ++first) {
-      Result<BlockResult> block = ReadChunk(store, tasks[first], slots, entry_bytes);
-      if (block.ok()) {
-        layer.counters += block->counters;
-        blocks.push_back(std::move(block).value());
-      } else if (block.status().kind() == ErrorKind::kMismatch) {
-        damage = block.status();  // and look on: one more run then mends all of them
-      } else {
-        return block.status();
-      }
-    }
-    if (!damage.ok()) continue;
-    for (uint32_t slot = 0; slot < slots; ++slot)
-      AppendBlocks(blocks, slot, rows.vertices, entry_bytes, &builders[slot]);
-  }
-  GLINT_RETURN_IF_ERROR(damage);
-
+  for (const BlockResult& block : blocks) layer.counters += block.counters;
   layer.slots.resize(slots);
-  ParallelFor(slots, threads, 1, [&](size_t slot, int) { layer.slots[slot] = builders[slot].Finish(form); });
+  ParallelFor(slots, threads, 1, [&](size_t i, int) {
+    const auto slot = static_cast<uint32_t>(i);
+    layer.slots[slot] = BuildTable(tasks, blocks, slot, slot + 1 < slots ? grid.size() : 2,
+                                   domain.row_count(), entry_bytes, form);
+  });
   Hasher hasher;
   for (uint32_t slot = 0; slot < slots; ++slot) {
     GLINT_ASSIGN_OR_RETURN(SliceTableView view, SliceTableView::Parse(layer.slots[slot]));

@@ -5,7 +5,10 @@
 namespace glint {
 
 Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store) {
-  const BlockResult result = gatherer.Gather(task.block);
+  return PublishResult(task, gatherer.Gather(task.block), store);
+}
+
+Status PublishResult(const TaskSpec& task, const BlockResult& result, ChunkStore* store) {
   // A message that came twice may have had it computed twice at once; what is there is not touched.
   if (store->FindResult(task.key)) return {};
   return store->PutResult(task.key, SerializeBlock(result)).status();

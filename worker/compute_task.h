@@ -11,4 +11,7 @@ namespace glint {
 /// task's layer. Thread-safe; safe to repeat. kIo: the chunk cannot be written.
 Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store);
 
+/// Its second half: publishes what the gatherer found.
+Status PublishResult(const TaskSpec& task, const BlockResult& result, ChunkStore* store);
+
 }  // namespace glint

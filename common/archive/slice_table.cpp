@@ -242,6 +242,12 @@ SliceTableBuilder::SliceTableBuilder(uint32_t rows, uint32_t columns, uint32_t e
   assert(columns >= 1 && columns <= kMaxColumns && entry_bytes >= 1 && entry_bytes <= kMaxEntryBytes);
 }
 
+void SliceTableBuilder::Reserve(size_t entries) {
+  row_start_.reserve(rows_ + size_t{1});
+  row_columns_.reserve(entries);
+  entries_.reserve(entries * entry_bytes_);
+}
+
 void SliceTableBuilder::AppendRow(std::span<const uint16_t> columns, std::span<const std::byte> entries) {
   assert(appended_rows() < rows_);
   assert(entries.size() == columns.size() * entry_bytes_);

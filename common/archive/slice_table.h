@@ -122,6 +122,8 @@ class SliceTableBuilder {
  public:
   /// columns in [1, 65536], entry_bytes in [1, 4096].
   SliceTableBuilder(uint32_t rows, uint32_t columns, uint32_t entry_bytes);
+  /// Makes room for this many entries of all rows together.
+  void Reserve(size_t entries);
   /// Appends the next row (rows come in order; rows not appended at the end are empty). `columns` ascending
   /// and unique; `entries` has columns.size() * entry_bytes bytes.
   void AppendRow(std::span<const uint16_t> columns, std::span<const std::byte> entries);

@@ -27,15 +27,15 @@ float RoundedShape(BrdfModel model, float shape) {
 }
 
 /// Makes few of many shapes: each distinct one is fitted and stored, and a vertex names it by 16 bits.
-void LimitShapes(std::vector<ShapeKey>& shape_of_vertex) {
+void LimitShapes(std::vector<ShapeKey>& shape_of_vertex, std::vector<std::string>* notes) {
   const std::set<ShapeKey> distinct(shape_of_vertex.begin(), shape_of_vertex.end());
   if (distinct.size() <= kMaxExactShapes) return;
   std::map<ShapeKey, ShapeKey> rounded;
   for (const ShapeKey& key : distinct) rounded[key] = {key.first, RoundedShape(key.first, key.second)};
   for (ShapeKey& key : shape_of_vertex) key = rounded[key];
-  Log(LogLevel::kNote,
-      "the scene has " + std::to_string(distinct.size()) +
-          " different roughnesses and exponents; they are rounded to steps of 1/64 in roughness");
+  notes->push_back("the scene has " + std::to_string(distinct.size()) +
+                   " different roughnesses and exponents; they are rounded to steps of 1/64 in roughness");
+  Log(LogLevel::kNote, notes->back());
 }
 
 }  // namespace
@@ -130,7 +130,7 @@ BakeDomain BuildBakeDomain(const Scene& scene, const BrdfFitOptions& options, in
     domain.diffuse[v] = brdf.diffuse;
     domain.double_sided[v] = material.double_sided;
   }
-  LimitShapes(shape_of_vertex);
+  LimitShapes(shape_of_vertex, &domain.notes);
 
   std::map<ShapeKey, uint16_t> shape_index;
   std::vector<ShapeKey> shapes;

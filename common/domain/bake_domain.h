@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <string>
 #include <vector>
 
 #include "common/base/status.h"
@@ -34,6 +35,8 @@ struct BakeDomain {
   std::vector<uint8_t> double_sided;  ///< per vertex
   std::vector<BrdfShape> shapes;      ///< each distinct (model, shape) of the scene, fitted
   BakeNodes nodes;                    ///< where transfer is known
+  std::vector<std::string>
+      notes;  ///< what was made simpler than the scene; not part of the archive's surface
 
   uint32_t vertex_count() const { return static_cast<uint32_t>(positions.size()); }
   /// Bake vertices, each a row of every table.

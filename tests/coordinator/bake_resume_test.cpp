@@ -278,6 +278,18 @@ TEST_F(BakeResumeTest, AWorkFolderThatIsAFileIsAClearError) {
   EXPECT_NE(status.message().find(options_.work_dir.string()), std::string::npos) << status.message();
 }
 
+TEST_F(BakeResumeTest, VerticesThatNoTriangleCanUseAreAClearError) {
+  const size_t vertices = 3 * scene_.triangles.size() + 1;
+  scene_.positions.resize(vertices, {0, 9, 0});
+  scene_.normals.resize(vertices, {0, 1, 0});
+  scene_.uvs.resize(vertices);
+  scene_.colors.resize(vertices, glm::vec4(1));
+  scene_.vertex_material.resize(vertices);
+  const Status status = Run().status();
+  EXPECT_EQ(status.kind(), ErrorKind::kBadInput) << status.message();
+  EXPECT_NE(status.message().find("leave out"), std::string::npos) << status.message();
+}
+
 TEST_F(BakeResumeTest, AnOutputThatCannotBeWrittenLosesNothing) {
   BakeFirst();
   fs::create_directories(out() / "taken by a folder");

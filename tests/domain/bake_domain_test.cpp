@@ -55,6 +55,8 @@ TEST(BakeDomain, ManyDifferentShapesAreRounded) {
   ASSERT_GT(scene.positions.size(), materials.size());
   const BakeDomain domain = BuildBakeDomain(scene, {.max_lobes = 1}, 1);
   EXPECT_LE(domain.shapes.size(), 20u);
+  ASSERT_EQ(domain.notes.size(), 1u);
+  EXPECT_NE(domain.notes[0].find("257 different roughnesses"), std::string::npos) << domain.notes[0];
   for (uint32_t v = 0; v < domain.vertex_count(); ++v) {
     const Material& material = materials[scene.vertex_material[v]];
     const BrdfShape& shape = domain.shapes[domain.shape[v]];
