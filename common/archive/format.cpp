@@ -44,7 +44,7 @@ void PutRecord(std::byte* at, const Section& s) {
 Result<Section> GetRecord(const std::byte* at) {
   Section s;
   const auto kind = Get<uint32_t>(at), codec = Get<uint32_t>(at + 4);
-  if (kind < 1 || kind > static_cast<uint32_t>(Kind::kTable) ||
+  if (kind < 1 || kind > static_cast<uint32_t>(Kind::kNodes) ||
       codec > static_cast<uint32_t>(Codec::kDraco)) {
     return BadInput("footer: unknown kind or coding of a section; a newer Glint may read it");
   }

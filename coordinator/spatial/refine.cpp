@@ -82,7 +82,8 @@ class Refinement {
     uint32_t node;
     std::vector<Parent> parents;
     double area;
-    double square_error = 0;  ///< weighed by how much of the surface it is about
+    double square_error = 0;
+    double weighed = 0;  ///< the same, by how much of the surface it is about
   };
 
   double Area(const std::array<uint32_t, 3>& corner) const {
@@ -149,15 +150,16 @@ class Refinement {
     GLINT_RETURN_IF_ERROR(Compute(nodes));
     ParallelFor(candidates.size(), input_.threads, 8, [&](size_t i, int) {
       Candidate& c = candidates[i];
-      c.square_error = probes_.SquareError(c.node, predictions_.Combine(c.parents)) * Share(c.area);
+      c.square_error = probes_.SquareError(c.node, predictions_.Combine(c.parents));
+      c.weighed = c.square_error * Share(c.area);
     });
     std::stable_sort(candidates.begin(), candidates.end(),
-                     [](const Candidate& a, const Candidate& b) { return a.square_error > b.square_error; });
+                     [](const Candidate& a, const Candidate& b) { return a.weighed > b.weighed; });
     for (const Candidate& c : candidates) {
-      if (c.square_error <= Tolerance2() || Full()) break;
+      if (c.weighed <= Tolerance2() || Full()) break;
       if (probes_.Dark(c.node)) continue;
       predictions_.Bake(c.node, false);
-      error_[c.node] = c.square_error / Share(c.area);
+      error_[c.node] = c.square_error;
     }
     return {};
   }
