@@ -83,7 +83,7 @@ class Progress {
 
   void Stage(const std::string& name, size_t tasks = 0, double slices_per_task = 0) {
     EndStage();
-    state_ = {name, 0, tasks, 0, 0};
+    state_ = {name, 0, tasks};
     slices_per_task_ = slices_per_task;
     computed_ = 0;
     begin_ = Now();
@@ -92,6 +92,7 @@ class Progress {
   /// @param again  the round is run once more, to mend chunks that were there but damaged
   void TaskDone(bool was_there, bool again) {
     ++state_.done;
+    state_.found += was_there;
     computed_ += !was_there;
     if (!again) {
       ++report_->tasks;
@@ -112,7 +113,8 @@ class Progress {
   }
 
  private:
-  void Emit() const {
+  void Emit() {
+    state_.rays = report_->rays;
     if (callback_) callback_(state_);
   }
   const BakeProgressCallback& callback_;
@@ -134,7 +136,9 @@ Result<Layer> BakeLayer(const std::vector<TaskSpec>& tasks, const Layer* previou
     GLINT_RETURN_IF_ERROR(executor->Run(
         {tasks, previous}, [&](size_t, bool was_there) { progress->TaskDone(was_there, attempt > 0); }));
     progress->Stage("merge " + std::to_string(tasks.front().layer));
-    Result<Layer> layer = MergeLayer(store, tasks, domain, grid, options.table_form, threads);
+    Result<Layer> layer =
+        MergeLayer(store, tasks, domain, grid, options.settings.StoredLobes(tasks.front().layer),
+                   options.table_form, threads);
     if (layer.ok() || layer.status().kind() != ErrorKind::kMismatch || attempt > 0) return layer;
     Log(LogLevel::kWarning, layer.status().message());
   }
@@ -144,7 +148,7 @@ LayerReport DescribeLayer(const Layer& layer) {
   LayerReport report{layer.counters.slices, layer.stored, 0, layer.energy};
   double cells = static_cast<double>(layer.views.diffuse.rows()) * layer.views.diffuse.columns();
   for (const SliceTableView& t : layer.views.specular) cells += static_cast<double>(t.rows()) * t.columns();
-  report.density = cells > 0 ? static_cast<double>(layer.stored) / cells : 0;
+  report.density = cells > 0 ? static_cast<double>(layer.stored[0]) / cells : 0;
   return report;
 }
 
@@ -154,6 +158,8 @@ Status Publish(const fs::path& out_path, const Scene& scene, const BakeDomain& d
   content.domain = &domain;
   content.cameras = scene.cameras;
   content.grid_level = options.settings.grid_level;
+  content.base_level = options.settings.BaseLevel();
+  content.slice_lobes = static_cast<int>(options.settings.StoredLobes(1));
   content.archive_key = report->archive_key;
   for (const Layer& layer : layers) {
     content.layers.push_back(layer.views);
@@ -171,9 +177,10 @@ Result<ErrorEstimate> Estimate(const BakeDomain& domain, const DirectionGrid& gr
   const RayScene rays(domain.positions, domain.triangles, 1);
   GLINT_RETURN_IF_ERROR(rays.status());
   std::vector<LayerViews> views;
+  views.reserve(layers.size());
   for (const Layer& layer : layers) views.push_back(layer.views);
   return EstimateError(domain, rays, grid, views,
-                       {slices, options.settings.seed, options.settings.drop, threads});
+                       {slices, options.settings.seed, options.settings.read_out(), threads});
 }
 
 /// Notes about input that refinement left alone.
@@ -233,12 +240,12 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
   progress.Stage("fit");
   BakeDomain domain = BuildBakeDomain(scene, options.settings.fit, threads);
   report.notes.insert(report.notes.end(), domain.notes.begin(), domain.notes.end());
-  const DirectionGrid grid(options.settings.grid_level);
+  const DirectionGrid grid(options.settings.grid_level, options.settings.BaseLevel());
   report.vertices = domain.vertex_count();
   report.triangles = domain.triangles.size();
   report.directions = grid.size();
 
-  const uint64_t memory = options.memory_bytes ? options.memory_bytes : MachineMemory() / 4;
+  const uint64_t memory = options.memory_bytes ? options.memory_bytes : UsableMemory() / 4;
   const auto make_executor = options.make_executor ? options.make_executor : MakeLocalExecutor;
   GLINT_ASSIGN_OR_RETURN(const std::unique_ptr<Executor> executor,
                          make_executor({scene.content, domain, grid, options.settings, work.store(), threads,
@@ -259,7 +266,7 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
     report.layers.push_back(DescribeLayer(layer));
     report.rays += layer.counters.rays;
     const bool faint = index > 0 && layer.energy < options.layer_tolerance;
-    report.complete = faint || (index > 0 && layer.stored == 0);  // what reflects nothing sends on nothing
+    report.complete = faint || (index > 0 && layer.stored[0] == 0);  // what reflects nothing sends on nothing
     layers.push_back(std::move(layer));
     if (faint) break;
   }
@@ -278,7 +285,10 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
   GLINT_RETURN_IF_ERROR(PublishFile(out_path.string() + ".json", std::as_bytes(std::span(report.json))));
   if (!options.keep_work) {
     // It can be large, and serves nobody any more; but the bake has not failed if it stays.
-    if (const Status removed = work.Remove(); !removed.ok()) Log(LogLevel::kWarning, removed.message());
+    // A folder that was named for others to share is where workers wait for the next bake.
+    const bool shared = !options.work_dir.empty() && options.make_executor;
+    if (const Status removed = work.Remove(!shared); !removed.ok())
+      Log(LogLevel::kWarning, removed.message());
   }
   return report;
 }

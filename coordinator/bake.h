@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -34,7 +35,7 @@ struct BakeOptions {
   int threads = 0;                   ///< 0: all cores
   uint32_t vertices_per_task = 0;    ///< 0: chosen so that tasks are neither tiny nor few
   uint32_t directions_per_task = 0;  ///< 0: all
-  uint64_t memory_bytes = 0;  ///< for hit sets kept between layers; 0: a quarter of the machine's memory
+  uint64_t memory_bytes = 0;         ///< for hit sets kept between layers; 0: a quarter of UsableMemory()
   std::filesystem::path
       work_dir;                   ///< for a sub-folder with finished tasks; empty: OUT.work beside the output
   bool keep_work = false;         ///< keep that sub-folder after the archive is written
@@ -46,15 +47,18 @@ struct BakeOptions {
 struct BakeProgress {
   std::string stage;  ///< "load", "fit", "place", "layer 0", ..., "estimate", "write"
   size_t done = 0, tasks = 0;
+  size_t found = 0;   ///< of those done: their result was there
+  uint64_t rays = 0;  ///< of the layers that are merged
   double slices_per_second = 0;
   double seconds_left = 0;  ///< of this layer
 };
 using BakeProgressCallback = std::function<void(const BakeProgress&)>;
 
 struct LayerReport {
-  uint64_t slices = 0, stored = 0;
-  double density = 0;  ///< stored / all entries of the layer's tables
-  double energy = 0;   ///< relative light (Layer::energy)
+  uint64_t slices = 0;
+  std::array<uint64_t, kMaxSliceLobes> stored{};  ///< slices with at least 1, 2, ... lobes
+  double density = 0;                             ///< stored / all entries of the first lobes' tables
+  double energy = 0;                              ///< relative light (Layer::energy)
 };
 
 /// What a bake did. The deterministic part goes into the archive, all of it into the JSON beside it.

@@ -34,10 +34,14 @@ Json DescribeSettings(const BakeOptions& options) {
   Json json = {{"gather", s.method == GatherMethod::kShared ? "shared" : "paper"},
                {"grid_level", s.grid_level}};
   if (s.method == GatherMethod::kShared) {
-    json.update({{"rays_per_kappa", s.rays_per_kappa},
+    json.update({{"angular_tolerance", s.angular_tolerance},
+                 {"base_level", s.BaseLevel()},
+                 {"rays_per_kappa", s.rays_per_kappa},
                  {"min_rays", s.min_rays},
                  {"max_rays", s.max_rays},
-                 {"split_levels", s.split_levels}});
+                 {"split_levels", s.split_levels},
+                 {"slice_lobes", s.slice_lobes},
+                 {"lobe_tolerance", s.lobe_tolerance}});
   } else {
     json["paper_rays"] = s.paper_rays;
   }
@@ -63,6 +67,14 @@ Json DescribeRefinement(const RefinementReport& r) {
           {"non_manifold_triangles", r.non_manifold}};
 }
 
+/// Slices with exactly 1, 2, ... lobes.
+Json SlicesByLobes(const LayerReport& layer) {
+  Json counts = Json::array();
+  for (size_t n = 0; n < layer.stored.size(); ++n)
+    counts.push_back(layer.stored[n] - (n + 1 < layer.stored.size() ? layer.stored[n + 1] : 0));
+  return counts;
+}
+
 /// Names of files and nodes may be in any encoding; no such name may make a finished bake fail.
 std::string ToText(const Json& json) { return json.dump(1, '\t', false, Json::error_handler_t::replace); }
 
@@ -79,8 +91,9 @@ std::string DeterministicReportJson(const BakeReport& report, const BakeDomain& 
   for (const BrdfShape& shape : domain.shapes) json["brdfs"].push_back(DescribeShape(shape));
   for (const LayerReport& layer : report.layers)
     json["layers"].push_back({{"slices", layer.slices},
-                              {"stored", layer.stored},
-                              {"absent", layer.slices - layer.stored},
+                              {"stored", layer.stored[0]},
+                              {"absent", layer.slices - layer.stored[0]},
+                              {"with_lobes", SlicesByLobes(layer)},
                               {"density", layer.density},
                               {"relative_light", layer.energy}});
   json["complete"] = report.complete;

@@ -78,7 +78,7 @@ class ClusterExecutor : public Executor {
       const Result<std::optional<QueueState>> state = queue_.State(bake_.bake);
       open.Collect();
       if (open.missing().empty()) return {};
-      const Status fed = state.ok() ? Feed(*state, round, open.missing()) : state.status();
+      Status fed = state.ok() ? Feed(*state, round, open.missing()) : state.status();
       if (!fed.ok() && fed.kind() != ErrorKind::kIo) return fed;
       Tell(fed);
       Watch(state, open.Pause());

@@ -55,7 +55,7 @@ ErrorSummary Summarize(std::vector<double> square) {
   summary.rms = Root(mean);
   summary.uncertainty = Root(mean + std::sqrt(variance)) - summary.rms;
   std::sort(square.begin(), square.end());
-  summary.p95 = Root(square[static_cast<size_t>(0.95 * (count - 1) + 0.5)]);
+  summary.p95 = Root(square[static_cast<size_t>(std::lround(0.95 * (count - 1)))]);
   summary.worst = Root(square.back());
   return summary;
 }
@@ -117,7 +117,7 @@ Result<ErrorEstimate> EstimateError(const BakeDomain& domain, const RayScene& ra
                                     std::span<const LayerViews> layers, const EstimateOptions& options) {
   if (layers.empty()) return ErrorEstimate{};
   const int threads = ResolveThreadCount(options.threads);
-  const SliceTester tester(domain, rays, grid, layers, options.seed, options.drop);
+  const SliceTester tester(domain, rays, grid, layers, options.seed, options.read_out);
   const Slices slices = DrawSlices(tester, options.slices, threads);
   const double epsilon = Epsilon(tester, slices, threads);
   std::vector<SliceError> errors(slices.size());

@@ -9,6 +9,7 @@
 #include "common/archive/archive.h"
 #include "common/base/status.h"
 #include "common/domain/bake_domain.h"
+#include "common/domain/bake_settings.h"
 #include "common/domain/direction_grid.h"
 #include "common/scene/ray_scene.h"
 
@@ -17,7 +18,7 @@ namespace glint {
 /// Where an archive's answer goes wrong, in the order in which a chain of answers from the truth to the
 /// archive's own lets the causes in (docs/error-estimate.md).
 enum class ErrorCause : uint8_t {
-  kLobes,    ///< a slice is read out as one lobe for each lobe of the BRDF
+  kLobes,    ///< a slice is read out as one or a few lobes for each lobe of the BRDF
   kBits,     ///< and stored in 12 bytes, or not at all where it changes little
   kAngular,  ///< for some view directions only
   kSpatial,  ///< at vertices only
@@ -29,15 +30,15 @@ inline constexpr std::array<const char*, kErrorCauses> kErrorCauseNames = {"lobe
                                                                            "spatial", "below", "rays"};
 
 /// Raised whenever a change makes other estimates of the same archive: part of an archive's key.
-inline constexpr int kEstimateRevision = 1;
+inline constexpr int kEstimateRevision = 2;
 
 inline constexpr int kMaxEstimateSlices = 1 << 20;
 
 struct EstimateOptions {
   uint32_t slices = 0;  ///< to test, at most kMaxEstimateSlices
   uint64_t seed = 1;
-  float drop = 0;   ///< the bake's (BakeSettings)
-  int threads = 0;  ///< 0: all cores; the estimate does not depend on it
+  ReadOut read_out;  ///< the bake's
+  int threads = 0;   ///< 0: all cores; the estimate does not depend on it
 };
 
 /// How many slices a bake tests by itself: a twentieth of its time or less, from some 1,500 vertices on.

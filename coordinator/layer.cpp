@@ -7,19 +7,21 @@
 #include <utility>
 
 #include "common/archive/lobe_codec.h"
+#include "common/archive/nested.h"
 #include "common/base/frame.h"
 #include "common/base/parallel.h"
 
 namespace glint {
 namespace {
 
-Result<BlockResult> ReadChunk(ChunkStore& store, const TaskSpec& task, uint32_t slots, uint32_t entry_bytes) {
+Result<BlockResult> ReadChunk(ChunkStore& store, const TaskSpec& task, const SlotLayout& layout,
+                              uint32_t entry_bytes) {
   const std::optional<Digest> digest = store.FindResult(task.key);
   if (!digest)
     return Mismatch("the result of task " + task.key.Hex() + " has vanished from " + store.root().string());
   auto parse = [&]() -> Result<BlockResult> {
     GLINT_ASSIGN_OR_RETURN(const std::vector<std::byte> payload, store.Get(*digest));
-    return ParseBlock(payload, task.block, slots, entry_bytes);
+    return ParseBlock(payload, task.block, layout, entry_bytes);
   };
   Result<BlockResult> block = parse();
   if (block.ok() || block.status().kind() == ErrorKind::kIo) return block;
@@ -30,11 +32,11 @@ Result<BlockResult> ReadChunk(ChunkStore& store, const TaskSpec& task, uint32_t 
 /// The blocks of all tasks. Chunks that are damaged are discarded, every one of them, before kMismatch is
 /// returned: one more run then mends them all.
 Result<std::vector<BlockResult>> ReadChunks(ChunkStore& store, std::span<const TaskSpec> tasks,
-                                            uint32_t slots, uint32_t entry_bytes, int threads) {
+                                            const SlotLayout& layout, uint32_t entry_bytes, int threads) {
   std::vector<BlockResult> blocks(tasks.size());
   std::vector<Status> status(tasks.size());
   ParallelFor(tasks.size(), threads, 1, [&](size_t i, int) {
-    Result<BlockResult> block = ReadChunk(store, tasks[i], slots, entry_bytes);
+    Result<BlockResult> block = ReadChunk(store, tasks[i], layout, entry_bytes);
     if (block.ok()) {
       blocks[i] = std::move(block).value();
     } else {
@@ -95,30 +97,57 @@ struct VertexEnergy {
   double layer = 0, unoccluded = 0;
 };
 
+/// Part of the BRDF's light that a vertex's slices of one slot have, for each column.
 /// @param layer_index  0: a missing entry is the whole BRDF; else nothing
+std::vector<float> SliceParts(const LayerViews& views, uint32_t slot, int layer_index, uint32_t v) {
+  std::vector<float> parts(views.table(0, slot).columns(), layer_index == 0 ? 1.0f : 0.0f);
+  for (uint32_t lobe = 0; lobe < views.lobes(); ++lobe)
+    views.table(lobe, slot).Row(v).ForEach([&](uint32_t column, const std::byte* entry) {
+      if (lobe == 0) parts[column] = 0;
+      parts[column] +=
+          layer_index == 0 ? DecodeDirect(entry).fraction : Luminance(DecodeIndirect(entry).alpha);
+    });
+  return parts;
+}
+
+/// Fills in the parts of slices that a nested table leaves out.
+void Predict(const glm::vec3& normal, const DirectionGrid& grid, const SliceTableView& table, uint32_t v,
+             std::vector<float>* parts) {
+  const SliceTableView::RowView row = table.Row(v);
+  if (row.empty()) return;
+  for (const float side : {1.0f, -1.0f})
+    ForEachPredicted(
+        grid, [&](uint32_t d) { return side * glm::dot(normal, grid.direction(d)) > 0; },
+        [&](uint32_t d) { return row.Find(d) != nullptr; },
+        [&](uint32_t d, const std::array<uint32_t, 2>& ends, const std::array<float, 2>& share) {
+          (*parts)[d] = share[0] * (*parts)[ends[0]] + share[1] * (*parts)[ends[1]];
+        });
+}
+
 VertexEnergy MeasureVertex(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views,
                            int layer_index, uint32_t v) {
   VertexEnergy energy;
   const BakeVertex vertex = domain.Row(v);
   const BrdfShape& shape = domain.shapes[vertex.shape];
-  const Brdf brdf{shape.model, shape.shape, vertex.specular, vertex.diffuse};
-  auto add = [&](const SliceTableView& table, uint32_t column, double weight) {
-    const std::byte* entry = table.Find(v, column);
+  const Brdf brdf = domain.BrdfOf(vertex);
+  auto add = [&](double part, double weight) {
     energy.unoccluded += weight;
-    if (layer_index == 0) {
-      energy.layer += weight * (entry ? DecodeDirect(entry).fraction : 1);
-    } else if (entry) {
-      energy.layer += weight * Luminance(DecodeIndirect(entry).alpha);
-    }
+    energy.layer += weight * part;
   };
+  std::vector<std::vector<float>> parts;
+  for (uint32_t slot = 0; slot <= views.diffuse_slot(); ++slot) {
+    parts.push_back(SliceParts(views, slot, layer_index, v));
+    if (views.nested && slot < views.diffuse_slot())
+      Predict(vertex.normal, grid, views.specular[slot], v, &parts[slot]);
+  }
   for (uint32_t column = 0; column < grid.size(); ++column) {
     const float cosine = glm::dot(vertex.normal, grid.direction(column));
     if (cosine <= 0 && !vertex.double_sided) continue;
     const BrdfSlice slice = LookupSlice(shape, std::abs(cosine));
     for (int k = 0; k < slice.lobes; ++k)
-      add(views.specular[k], column, Luminance(slice.lobe[k].Weight(vertex.specular)));
+      add(parts[k][column], Luminance(slice.lobe[k].Weight(vertex.specular)));
     const float diffuse = Luminance(DiffuseAlbedo(brdf, std::abs(cosine)));
-    if (diffuse > 0) add(views.diffuse, cosine > 0 ? 0 : 1, diffuse);
+    if (diffuse > 0) add(parts.back()[cosine > 0 ? 0 : 1], diffuse);
   }
   return energy;
 }
@@ -156,30 +185,31 @@ void HashRows(const SliceTableView& table, Hasher* hasher) {
 }  // namespace
 
 Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, const BakeDomain& domain,
-                         const DirectionGrid& grid, TableForm form, int threads) {
-  const auto slots = static_cast<uint32_t>(domain.max_lobes()) + 1;
+                         const DirectionGrid& grid, uint32_t slice_lobes, TableForm form, int threads) {
+  const SlotLayout layout{static_cast<uint32_t>(domain.max_lobes()), slice_lobes};
+  const uint32_t slots = layout.count();
   const int layer_index = tasks.front().layer;
   const uint32_t entry_bytes = layer_index == 0 ? kDirectEntryBytes : kIndirectEntryBytes;
   GLINT_ASSIGN_OR_RETURN(std::vector<BlockResult> blocks,
-                         ReadChunks(store, tasks, slots, entry_bytes, threads));
+                         ReadChunks(store, tasks, layout, entry_bytes, threads));
   Layer layer;
+  layer.views.nested = grid.nested();
   for (const BlockResult& block : blocks) layer.counters += block.counters;
   layer.slots.resize(slots);
+  const TableForm nested = form == TableForm::kCompact ? TableForm::kSegmented : form;
   ParallelFor(slots, threads, 1, [&](size_t i, int) {
     const auto slot = static_cast<uint32_t>(i);
-    layer.slots[slot] = BuildTable(tasks, blocks, slot, slot + 1 < slots ? grid.size() : 2,
-                                   domain.row_count(), entry_bytes, form);
+    const bool specular = !layout.is_diffuse(slot);
+    layer.slots[slot] = BuildTable(tasks, blocks, slot, specular ? grid.size() : 2, domain.row_count(),
+                                   entry_bytes, grid.nested() && specular ? nested : form);
   });
   Hasher hasher;
   for (uint32_t slot = 0; slot < slots; ++slot) {
     GLINT_ASSIGN_OR_RETURN(SliceTableView view, SliceTableView::Parse(layer.slots[slot]));
-    layer.stored += view.entries();
+    const uint32_t lobe = slot / layout.stride();
+    layer.stored[lobe] += view.entries();
     HashRows(view, &hasher);
-    if (slot + 1 < slots) {
-      layer.views.specular.push_back(view);
-    } else {
-      layer.views.diffuse = view;
-    }
+    layer.views.Add(lobe, layout.is_diffuse(slot), view);
   }
   layer.digest = hasher.Finish();
   layer.energy = MeasureEnergy(domain, grid, layer.views, layer_index, threads);

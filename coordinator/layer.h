@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -18,7 +19,7 @@ struct Layer {
   Digest digest;  ///< of the rows, in whatever form; what the next layer's tasks depend on
   GatherCounters counters;
   double energy = 0;  ///< light of this layer under a uniform environment, relative to the unoccluded BRDFs'
-  uint64_t stored = 0;
+  std::array<uint64_t, kMaxSliceLobes> stored{};  ///< slices with at least 1, 2, ... lobes
 
   Layer() = default;
   Layer(Layer&&) = default;
@@ -28,9 +29,11 @@ struct Layer {
 };
 
 /// Joins the chunks of a round in the order of vertices and columns; the same whatever the partition was.
-/// `tasks` are ordered by first vertex, then first column. Chunks that are damaged are discarded from the
-/// store, all of them, and reported as kMismatch: the round has to be run again. kIo: a chunk cannot be read.
+/// `slice_lobes` is the settings' StoredLobes of the layer.
+/// Of a nested grid, compact tables are segmented. `tasks` are ordered by first vertex, then first column.
+/// Chunks that are damaged are discarded from the store, all of them, and reported as kMismatch: the round
+/// has to be run again. kIo: a chunk cannot be read.
 Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, const BakeDomain& domain,
-                         const DirectionGrid& grid, TableForm form, int threads);
+                         const DirectionGrid& grid, uint32_t slice_lobes, TableForm form, int threads);
 
 }  // namespace glint

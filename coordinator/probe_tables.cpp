@@ -11,7 +11,8 @@ constexpr uint32_t kSides = 2;  ///< columns of a diffuse table
 
 }  // namespace
 
-std::vector<std::byte> MakeTable(const BlockRows& rows, uint32_t columns, uint32_t entry_bytes) {
+std::vector<std::byte> MakeTable(const BlockRows& rows, uint32_t columns, uint32_t entry_bytes,
+                                 TableForm form) {
   SliceTableBuilder builder(static_cast<uint32_t>(rows.counts.size()), columns, entry_bytes);
   size_t entry = 0;
   for (const uint16_t count : rows.counts) {
@@ -19,12 +20,34 @@ std::vector<std::byte> MakeTable(const BlockRows& rows, uint32_t columns, uint32
                       std::span(rows.entries).subspan(entry * entry_bytes, count * entry_bytes));
     entry += count;
   }
-  return builder.Finish();
+  return builder.Finish(form);
 }
 
-ProbeTables::ProbeTables(int layers, int max_lobes, uint32_t columns, float drop)
-    : columns_(columns), drop_(drop), blocks_(layers) {
-  for (BlockResult& block : blocks_) block.slots.resize(static_cast<size_t>(max_lobes) + 1);
+std::vector<IndirectLobe> ReadOutIndirect(const SliceLobe& lobe, const ReadOut& read_out, FanLight* light) {
+  const IndirectMoments moments = light->Moments();
+  std::vector<IndirectLobe> lobes;
+  for (const LightGroup& group : SplitLight(SelectGatherKernels(), moments, light->leaving, lobe, read_out,
+                                            [&] { return light->samples.List(); }))
+    lobes.push_back(IndirectLobeOf(lobe, group.Moments()));
+  if (lobes.size() > 1) return lobes;
+  const auto whole = FitIndirect(lobe, moments, read_out.drop);
+  return whole ? std::vector<IndirectLobe>{*whole} : std::vector<IndirectLobe>{};
+}
+
+ProbeTables::ProbeTables(int layers, int max_lobes, uint32_t columns, const ReadOut& read_out)
+    : columns_(columns),
+      never_absent_(columns),
+      read_out_(read_out),
+      indirect_layout_{static_cast<uint32_t>(max_lobes), static_cast<uint32_t>(read_out.slice_lobes)},
+      blocks_(layers) {
+  for (BlockResult& block : blocks_)
+    block.slots.resize(&block == blocks_.data() ? indirect_layout_.stride() : indirect_layout_.count());
+}
+
+ProbeTables::ProbeTables(int layers, int max_lobes, const DirectionGrid& nested, const ReadOut& read_out)
+    : ProbeTables(layers, max_lobes, nested.size(), read_out) {
+  never_absent_ = DirectionGrid::SizeOf(nested.base_level());
+  nested_ = true;
 }
 
 void ProbeTables::BeginRow() {
@@ -32,15 +55,24 @@ void ProbeTables::BeginRow() {
     for (BlockRows& rows : block.slots) rows.BeginRow();
 }
 
-void ProbeTables::Add(int slot, uint16_t column, const PathFan& fan,
-                      std::span<const IndirectMoments> indirect) {
-  for (size_t layer = 0; layer < blocks_.size(); ++layer) {
-    std::vector<BlockRows>& slots = blocks_[layer].slots;
-    BlockRows* rows = slot == PathFanTracer::kDiffuse ? &slots.back() : &slots[slot];
-    if (layer == 0) {
-      StoreDirect(FitDirect(fan.lobe, DirectMomentsOf(fan), drop_), column, rows);
-    } else {
-      StoreIndirect(FitIndirect(fan.lobe, indirect[layer], drop_), column, rows);
+void ProbeTables::Add(int slot, uint16_t column, const PathFan& fan, std::span<FanLight> indirect,
+                      std::span<const uint8_t> wanted) {
+  const uint32_t first =
+      slot == PathFanTracer::kDiffuse ? indirect_layout_.specular : static_cast<uint32_t>(slot);
+  const bool said = slot != PathFanTracer::kDiffuse && column >= never_absent_;
+  if (wanted[0]) {
+    auto lobe = FitDirect(fan.lobe, DirectMomentsOf(fan), read_out_.drop);
+    if (!lobe && said) lobe.emplace();
+    StoreDirect(lobe, column, &blocks_[0].slots[first]);
+  }
+  for (size_t layer = 1; layer < blocks_.size(); ++layer) {
+    if (!wanted[layer]) continue;
+    std::vector<IndirectLobe> lobes = ReadOutIndirect(fan.lobe, read_out_, &indirect[layer]);
+    if (lobes.empty() && said) lobes.emplace_back();
+    BlockRows* rows = &blocks_[layer].slots[first];
+    for (const IndirectLobe& lobe : lobes) {
+      StoreIndirect(lobe, column, rows);
+      rows += indirect_layout_.stride();
     }
   }
 }
@@ -49,11 +81,15 @@ ProbeTables::LayerTables ProbeTables::Finish(int layer) const {
   LayerTables tables;
   const std::vector<BlockRows>& slots = blocks_[layer].slots;
   const uint32_t entry_bytes = layer == 0 ? kDirectEntryBytes : kIndirectEntryBytes;
-  for (const BlockRows& rows : slots)
-    tables.bytes.push_back(MakeTable(rows, &rows == &slots.back() ? kSides : columns_, entry_bytes));
-  for (const auto& bytes : tables.bytes) tables.views.specular.push_back(*SliceTableView::Parse(bytes));
-  tables.views.diffuse = tables.views.specular.back();
-  tables.views.specular.pop_back();
+  for (uint32_t slot = 0; slot < slots.size(); ++slot) {
+    const bool diffuse = indirect_layout_.is_diffuse(slot);
+    tables.bytes.push_back(MakeTable(slots[slot], diffuse ? kSides : columns_, entry_bytes,
+                                     nested_ && !diffuse ? TableForm::kSegmented : kDefaultTableForm));
+  }
+  tables.views.nested = nested_;
+  for (uint32_t slot = 0; slot < slots.size(); ++slot)
+    tables.views.Add(slot / indirect_layout_.stride(), indirect_layout_.is_diffuse(slot),
+                     *SliceTableView::Parse(tables.bytes[slot]));
   return tables;
 }
 

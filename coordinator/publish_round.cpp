@@ -43,6 +43,8 @@ Status WriteInput(const ExecutorInput& bake, const RoundManifest& manifest, cons
   ArchiveContent content;
   content.domain = &bake.domain;
   content.grid_level = bake.grid.level();
+  content.base_level = bake.grid.base_level();
+  content.slice_lobes = static_cast<int>(bake.settings.StoredLobes(1));
   content.archive_key = manifest.InputKey();
   if (previous != nullptr && manifest.layer > 1) {
     empty = EmptyDirectLayer(bake);

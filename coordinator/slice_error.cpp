@@ -4,8 +4,12 @@
 #include <cmath>
 #include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
+#include <map>
+#include <utility>
 
+#include "common/archive/blend.h"
 #include "common/archive/lobe_codec.h"
+#include "common/archive/nested.h"
 #include "common/base/frame.h"
 #include "common/base/rng.h"
 #include "common/domain/scatter_point.h"
@@ -25,11 +29,6 @@ constexpr int kArchive = StageOf(ErrorCause::kRays);
 glm::vec2 SampleTriangle(float u, float v) {
   const float root = std::sqrt(u);
   return {root * (1 - v), root * v};
-}
-
-glm::vec3 UnitOr(const glm::vec3& v, const glm::vec3& fallback) {
-  const float length = glm::length(v);
-  return length > 1e-10f ? v / length : fallback;
 }
 
 SkyLight Sum(const std::vector<SkyLight>& layers) {
@@ -75,10 +74,10 @@ struct SliceTester::Answers {
 
 namespace {
 
-std::vector<IndirectMoments> MomentsFromPaths(const PathFan& fan, int layers) {
-  std::vector<IndirectMoments> moments(layers);
-  for (int layer = 1; layer < layers; ++layer) moments[layer] = IndirectMomentsOf(fan, layer);
-  return moments;
+std::vector<FanLight> LightFromPaths(const PathFan& fan, int layers) {
+  std::vector<FanLight> light(layers);
+  for (int layer = 1; layer < layers; ++layer) light[layer] = IndirectLightOf(fan, layer);
+  return light;
 }
 
 /// A fan's light as it is: no lobe stands in for it. Paths under the face bring none.
@@ -93,21 +92,19 @@ void AddPaths(const PathFan& fan, const glm::vec3& weight, const TestSlice& slic
   }
 }
 
-/// The same read out as one lobe a layer.
+/// The same read out as lobes.
 /// @param lobe  the unoccluded one as the archive reads it
-void AddReadOut(const PathFan& fan, const TransferLobe& lobe, const TestSlice& slice,
-                std::vector<SkyLight>* out) {
+void AddReadOut(const PathFan& fan, std::span<FanLight> light, const TransferLobe& lobe,
+                const ReadOut& read_out, const TestSlice& slice, std::vector<SkyLight>* out) {
   const DirectLobe direct = FitDirect(fan.lobe, DirectMomentsOf(fan), 0).value_or(DirectLobe{});
   if (direct.fraction > 0)
     AddReflected({lobe.alpha * direct.fraction, UnitOr(lobe.mu + direct.shift, lobe.mu),
                   std::min(lobe.kappa * direct.kappa_ratio, kMaxKappa), lobe.cosine},
                  slice.point.normal, slice.skies, &(*out)[0]);
-  for (size_t layer = 1; layer < out->size(); ++layer) {
-    const auto read = FitIndirect(fan.lobe, IndirectMomentsOf(fan, static_cast<int>(layer)), 0);
-    if (read)
-      AddReflected({lobe.alpha * read->alpha, read->mu, read->kappa, false}, slice.point.normal, slice.skies,
+  for (size_t layer = 1; layer < out->size(); ++layer)
+    for (const IndirectLobe& read : ReadOutIndirect(fan.lobe, read_out, &light[layer]))
+      AddReflected({lobe.alpha * read.alpha, read.mu, read.kappa, false}, slice.point.normal, slice.skies,
                    &(*out)[layer]);
-  }
 }
 
 /// Point of a sequence that all fans of one half share: what they have in common, noise too, cancels in their
@@ -121,13 +118,14 @@ FanSeed SeedOf(uint64_t seed, const TestSlice& slice, int half, uint32_t fan) {
 }  // namespace
 
 SliceTester::SliceTester(const BakeDomain& domain, const RayScene& rays, const DirectionGrid& grid,
-                         std::span<const LayerViews> layers, uint64_t seed, float drop)
+                         std::span<const LayerViews> layers, uint64_t seed, const ReadOut& read_out)
     : domain_(domain),
       rays_(rays),
       grid_(grid),
       layers_(layers),
       seed_(seed),
-      drop_(drop),
+      read_out_(read_out),
+      every_layer_(layers.size(), 1),
       reader_(domain, grid),
       tracer_(domain, rays, static_cast<int>(layers.size()) - 1) {
   double sum = 0;
@@ -188,7 +186,7 @@ SliceError SliceTester::Test(const TestSlice& slice, double epsilon, bool causes
 }
 
 SliceError SliceTester::Compare(const Answers& answers, double epsilon, bool causes) const {
-  const auto& [first, second] = answers.light;
+  const auto &first = answers.light[0], &second = answers.light[1];
   std::array<SkyLight, kStages> all[kHalves];
   for (int half = 0; half < kHalves; ++half)
     for (int stage = 0; stage < kStages; ++stage) all[half][stage] = Sum(answers.light[half][stage]);
@@ -228,7 +226,7 @@ void SliceTester::AskOwn(const TestSlice& slice, int half, bool causes, Answers*
   const TransferPoint& point = slice.point;
   const SlicePoint own = PointOf(slice.point);
   auto& light = answers->light[half];
-  ProbeTables tables(layers(), domain_.max_lobes(), 1, drop_);
+  ProbeTables tables(layers(), domain_.max_lobes(), 1, read_out_);
   tables.BeginRow();
   PathFan fan;
   auto ask = [&](int slot, uint16_t column, const glm::vec3& weight, const TransferLobe& lobe) {
@@ -236,8 +234,10 @@ void SliceTester::AskOwn(const TestSlice& slice, int half, bool causes, Answers*
                   SeedOf(seed_, slice, half, static_cast<uint32_t>(slot + 1)), &fan);
     AddPaths(fan, weight, slice, &light[kTruth]);
     if (!causes) return;
-    AddReadOut(fan, lobe, slice, &light[StageOf(ErrorCause::kLobes)]);
-    tables.Add(slot, column, fan, MomentsFromPaths(fan, layers()));
+    std::vector<FanLight> indirect = LightFromPaths(fan, layers());
+    AddReadOut(fan, indirect, lobe, {0, read_out_.slice_lobes, read_out_.lobe_tolerance}, slice,
+               &light[StageOf(ErrorCause::kLobes)]);
+    tables.Add(slot, column, fan, indirect, every_layer_);
   };
   const BrdfSlice fitted = tracer_.sampler(own.shape).Fitted(point.cos_o);
   for (int k = 0; k < fitted.lobes; ++k) {
@@ -257,34 +257,87 @@ void SliceTester::AskOwn(const TestSlice& slice, int half, bool causes, Answers*
   Read(tables, read, slice, &light[StageOf(ErrorCause::kBits)]);
 }
 
-/// A point's slices of some directions, and its diffuse one.
+/// A point's slices of the directions around a slice's, and its diffuse one.
 struct SliceTester::Row {
   SlicePoint point;
   bool diffuse = false;
-  std::array<glm::vec3, 3> directions;
-  std::array<float, 3> weight;  ///< no slice is needed, nor there, where it is 0
-  uint32_t id = 0;              ///< 1: the very point's; 2 + i: of its i-th bake vertex
+  DirectionGrid::Location around;  ///< no slice is needed, nor there, where a weight is 0
+  uint32_t row = 0;                ///< in nested tables: whose directions stand in for those
+  uint32_t id = 0;                 ///< 1: the very point's; 2 + i: of its i-th bake vertex
 };
 
-/// At the very point, for the grid's directions around.
+/// One slot of one of a row's slices.
+struct SliceTester::RowSlice {
+  int slot;
+  uint16_t column;  ///< of the tables
+  glm::vec3 wo;
+  std::vector<uint8_t> layers;  ///< those that need it
+  uint32_t id;                  ///< of its paths
+};
+
+/// What the archive's tables would hold of a row, so that the slice is read from it as from them: by slot,
+/// then column.
+std::vector<SliceTester::RowSlice> SliceTester::SlicesOf(const Row& row) const {
+  std::vector<RowSlice> slices;
+  const int lobes = tracer_.sampler(row.point.shape).lobes();
+  if (!grid_.nested()) {
+    for (int k = 0; k < lobes; ++k)
+      for (uint16_t j = 0; j < 3; ++j)
+        if (row.around.weight[j] > 0)
+          slices.push_back({k, j, grid_.direction(row.around.index[j]), every_layer_,
+                            static_cast<uint32_t>(j) << 4 | static_cast<uint32_t>(k)});
+    return slices;
+  }
+  std::map<std::pair<int, uint16_t>, std::vector<uint8_t>> needed;
+  const auto above = [&](uint32_t d) { return glm::dot(row.point.side.normal, grid_.direction(d)) > 0; };
+  for (int layer = 0; layer < layers(); ++layer)
+    for (int k = 0; k < lobes; ++k) {
+      const SliceTableView::RowView stored = layers_[layer].specular[k].Row(row.row);
+      VisitStandIns(
+          grid_, grid_.level(), row.around.triangle, row.around.weight, above,
+          [&](uint32_t d) { return stored.empty() ? nullptr : stored.Find(d); },
+          [&](uint32_t d, float, const std::byte*) {
+            std::vector<uint8_t>& by = needed[{k, static_cast<uint16_t>(d)}];
+            by.resize(every_layer_.size(), 0);
+            by[layer] = 1;
+          });
+    }
+  for (auto& [place, by] : needed) {
+    const uint32_t id = static_cast<uint32_t>(slices.size()) & 0xFFu;
+    slices.push_back({place.first, place.second, grid_.direction(place.second), std::move(by), id});
+  }
+  return slices;
+}
+
+ProbeTables SliceTester::TablesAround() const {
+  if (grid_.nested()) return {layers(), domain_.max_lobes(), grid_, read_out_};
+  return {layers(), domain_.max_lobes(), 3, read_out_};
+}
+
+/// At the very point, for the grid's directions around; in nested tables, for those that the heaviest
+/// bake vertex has.
 void SliceTester::AskDirections(const TestSlice& slice, int half, Answers* answers) const {
-  const DirectionGrid::Location location = grid_.Locate(slice.point.wo);
-  Row row{PointOf(slice.point), slice.point.diffuse_albedo != glm::vec3(0), {}, {}, 1};
+  const std::span share(slice.point.row_weight.data(), slice.point.Rows().size());
+  const auto nearest = std::max_element(share.begin(), share.end()) - share.begin();
+  Row row{PointOf(slice.point), slice.point.diffuse_albedo != glm::vec3(0), grid_.Locate(slice.point.wo),
+          slice.point.row[nearest], 1};
   float total = 0;
   for (int j = 0; j < 3; ++j) {
-    row.directions[j] = grid_.direction(location.index[j]);
-    const bool above = glm::dot(row.point.side.normal, row.directions[j]) > 0;
-    row.weight[j] = above ? location.weight[j] : 0.0f;
-    total += row.weight[j];
+    const glm::vec3& wo = grid_.direction(row.around.index[j]);
+    if (glm::dot(row.point.side.normal, wo) <= 0) row.around.weight[j] = 0;
+    total += row.around.weight[j];
   }
   TransferPoint read = slice.point;
   read.rows = 1;
   read.row = {0};
   read.row_weight = {1};
   read.column = {0, 1, 2};
+  read.grid_triangle = row.around.triangle;
+  read.row_normal[0] = row.point.side.normal;
+  read.whole = {};
   read.corner_weight = {};
-  for (int j = 0; j < 3 && total > 0; ++j) read.corner_weight[j] = row.weight[j] / total;
-  ProbeTables tables(layers(), domain_.max_lobes(), 3, drop_);
+  for (int j = 0; j < 3 && total > 0; ++j) read.corner_weight[j] = row.around.weight[j] / total;
+  ProbeTables tables = TablesAround();
   GatherRow(slice, row, half, &tables, nullptr);
   Read(tables, read, slice, &answers->light[half][StageOf(ErrorCause::kAngular)]);
 }
@@ -292,17 +345,18 @@ void SliceTester::AskDirections(const TestSlice& slice, int half, Answers* answe
 /// At the bake vertices around, for the grid's directions around: from paths, and from the archive's layers
 /// below.
 void SliceTester::AskVertices(const TestSlice& slice, int half, Answers* answers) const {
-  ProbeTables paths(layers(), domain_.max_lobes(), 3, drop_), below = paths;
+  ProbeTables paths = TablesAround(), below = paths;
   const TransferPoint& point = slice.point;
   TransferPoint read = point;
   for (uint32_t i = 0; i < static_cast<uint32_t>(point.rows); ++i) {
-    const uint32_t v = point.row[i];
+    const uint32_t r = point.row[i];
     read.row[i] = i;
-    Row row{tracer_.AtVertex(v, point.back), domain_.Row(v).diffuse != glm::vec3(0), {}, {}, 2 + i};
-    for (int j = 0; j < 3; ++j) {
-      row.directions[j] = grid_.direction(point.column[j]);
-      row.weight[j] = point.corner_weight[3 * i + j];
-    }
+    const float* weight = &point.corner_weight[3 * i];
+    const Row row{tracer_.AtVertex(r, point.back),
+                  domain_.Row(r).diffuse != glm::vec3(0),
+                  {point.column, {weight[0], weight[1], weight[2]}, point.grid_triangle},
+                  r,
+                  2 + i};
     GatherRow(slice, row, half, &paths, &below);
   }
   read.column = {0, 1, 2};
@@ -323,19 +377,18 @@ void SliceTester::AskArchive(const TestSlice& slice, int half, Answers* answers)
 void SliceTester::GatherRow(const TestSlice& slice, const Row& row, int half, ProbeTables* paths,
                             ProbeTables* below) const {
   PathFan fan;
-  auto add = [&](int slot, uint16_t column, const glm::vec3& wo, uint32_t id) {
-    tracer_.Trace(row.point, wo, slot, kPathsPerFan, SeedOf(seed_, slice, half, row.id << 8 | id), &fan);
-    paths->Add(slot, column, fan, MomentsFromPaths(fan, layers()));
-    if (below != nullptr) below->Add(slot, column, fan, MomentsFromBelow(fan));
+  auto add = [&](const RowSlice& part) {
+    tracer_.Trace(row.point, part.wo, part.slot, kPathsPerFan,
+                  SeedOf(seed_, slice, half, row.id << 8 | part.id), &fan);
+    std::vector<FanLight> light = LightFromPaths(fan, layers());
+    paths->Add(part.slot, part.column, fan, light, part.layers);
+    if (below != nullptr) below->Add(part.slot, part.column, fan, light = LightFromBelow(fan), part.layers);
   };
   paths->BeginRow();
   if (below != nullptr) below->BeginRow();
-  for (uint16_t j = 0; j < 3; ++j) {
-    if (row.weight[j] <= 0) continue;
-    for (int k = 0; k < tracer_.sampler(row.point.shape).lobes(); ++k)
-      add(k, j, row.directions[j], static_cast<uint32_t>(j) << 4 | static_cast<uint32_t>(k));
-  }
-  if (row.diffuse) add(PathFanTracer::kDiffuse, SideColumn(slice), row.point.side.normal, 0xF0u);
+  for (const RowSlice& part : SlicesOf(row)) add(part);
+  if (row.diffuse)
+    add({PathFanTracer::kDiffuse, SideColumn(slice), row.point.side.normal, every_layer_, 0xF0u});
 }
 
 void SliceTester::Read(const ProbeTables& tables, const TransferPoint& point, const TestSlice& slice,
@@ -349,30 +402,27 @@ void SliceTester::Read(const ProbeTables& tables, const TransferPoint& point, co
   }
 }
 
-/// What gathering sums where a fan's rays meet surfaces: each layer's light as the archive has it.
-std::vector<IndirectMoments> SliceTester::MomentsFromBelow(const PathFan& fan) const {
-  std::vector<IndirectMoments> moments(layers());
-  double leaving = 0;
+/// What gathering finds where a fan's rays meet surfaces: each layer's light as the archive has it.
+std::vector<FanLight> SliceTester::LightFromBelow(const PathFan& fan) const {
+  std::vector<FanLight> light(layers());
   TransferPoint point;
   LayerLobes lobes;
   for (const FanPath& path : fan.paths) {
-    leaving += path.leaves;
+    for (FanLight& l : light) l.leaving += path.leaves;
     if (!path.leaves || !path.hit.hit()) continue;
     if (!reader_.Prepare(path.hit.triangle, path.hit.u, path.hit.v, -path.direction, &point)) continue;
     for (int layer = 1; layer < layers(); ++layer) {
       reader_.Read(point, layers_[layer - 1], layer - 1, &lobes);
+      glm::vec3 alpha(0), moment(0);
       for (int i = 0; i < lobes.count; ++i) {
         const TransferLobe& lobe = lobes.lobe[i];
-        moments[layer].alpha += glm::dvec3(lobe.alpha);
-        moments[layer].moment +=
-            static_cast<double>(Luminance(lobe.alpha) * (1 - DeltaFromKappa(lobe.kappa))) *
-            glm::dvec3(lobe.mu);
+        alpha += lobe.alpha;
+        moment += Luminance(lobe.alpha) * (1 - DeltaFromKappa(lobe.kappa)) * lobe.mu;
       }
+      light[layer].samples.Add(alpha, moment);
     }
   }
-  for (IndirectMoments& m : moments)
-    if (leaving > 0) m.alpha /= leaving, m.moment /= leaving;
-  return moments;
+  return light;
 }
 
 }  // namespace glint

@@ -41,9 +41,9 @@ struct SliceError {
 /// Tests an archive's answers for single slices by following many rays. Thread-safe.
 class SliceTester {
  public:
-  /// @param drop  the bake's (BakeSettings)
+  /// @param read_out  the bake's
   SliceTester(const BakeDomain& domain, const RayScene& rays, const DirectionGrid& grid,
-              std::span<const LayerViews> layers, uint64_t seed, float drop);
+              std::span<const LayerViews> layers, uint64_t seed, const ReadOut& read_out);
 
   /// Slice `index`: uniform over the surface, both sides of what has two, and cosine-weighted over directions
   /// above the face. False where nothing is reflected.
@@ -66,9 +66,12 @@ class SliceTester {
   void AskVertices(const TestSlice& slice, int half, Answers* answers) const;
   void AskArchive(const TestSlice& slice, int half, Answers* answers) const;
   struct Row;
+  struct RowSlice;
+  std::vector<RowSlice> SlicesOf(const Row& row) const;
+  ProbeTables TablesAround() const;
   void GatherRow(const TestSlice& slice, const Row& row, int half, ProbeTables* paths,
                  ProbeTables* below) const;
-  std::vector<IndirectMoments> MomentsFromBelow(const PathFan& fan) const;
+  std::vector<FanLight> LightFromBelow(const PathFan& fan) const;
   void Read(const ProbeTables& tables, const TransferPoint& point, const TestSlice& slice,
             std::vector<SkyLight>* light) const;
   SliceError Compare(const Answers& answers, double epsilon, bool causes) const;
@@ -80,7 +83,8 @@ class SliceTester {
   const DirectionGrid& grid_;
   const std::span<const LayerViews> layers_;
   const uint64_t seed_;
-  const float drop_;
+  const ReadOut read_out_;
+  const std::vector<uint8_t> every_layer_;  ///< for each layer a 1
   const TransferReader reader_;
   const PathFanTracer tracer_;
   std::vector<double> area_up_to_;  ///< sum of the areas of triangles 0 .. i, twice where both sides reflect

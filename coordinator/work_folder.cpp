@@ -37,6 +37,26 @@ bool IsAt(int fd, const fs::path& path) {
          open_file.st_ino == named.st_ino;
 }
 
+/// Locks the folder for itself alone, to remove it; false: a bake is at work on it.
+Result<bool> LockForRemoval(int fd, const fs::path& folder) {
+  if (flock(fd, LOCK_EX | LOCK_NB) == 0) return true;
+  if (errno == EWOULDBLOCK) return false;
+  return Failed(folder, "lock it, so it stays; remove it once no bake needs it", errno);
+}
+
+/// What bakes put into `folder`, which is locked, and the folder itself if it is empty then.
+Status RemoveContents(const fs::path& folder) {
+  std::error_code error;
+  for (const char* part : {"chunks", "tasks", "rounds", "inputs", "failed"}) {
+    fs::remove_all(folder / part, error);
+    if (error) break;
+  }
+  // The lock last: until it is gone, a bake of the same key waits for it.
+  if (!error) fs::remove(folder / kLockName, error);
+  rmdir(folder.c_str());
+  return error ? Failed(folder, "remove the work folder", error.value()) : Status();
+}
+
 constexpr int kAttempts = 100;
 
 /// The lock of `folder`, shared; both are made if they are not there.
@@ -81,25 +101,30 @@ WorkFolder::~WorkFolder() {
   if (lock_ >= 0) close(lock_);
 }
 
-Status WorkFolder::Remove() {
+Status WorkFolder::Remove(bool root_too) {
   const int lock = std::exchange(lock_, -1);
-  if (flock(lock, LOCK_EX | LOCK_NB) != 0) {
-    const int error = errno;
-    close(lock);
-    if (error == EWOULDBLOCK) return {};  // the other bake removes it
-    return Failed(store_.root(), "lock it, so it stays; remove it once no bake needs it", error);
+  const Result<bool> alone = LockForRemoval(lock, store_.root());
+  Status removed = alone.status();
+  if (alone.ok() && *alone) {  // otherwise the other bake removes it
+    removed = RemoveContents(store_.root());
+    if (root_too) rmdir(root_.c_str());  // only if it is empty
   }
-  std::error_code error;
-  for (const char* part : {"chunks", "tasks", "rounds", "inputs", "failed"}) {
-    fs::remove_all(store_.root() / part, error);
-    if (error) break;
-  }
-  // The lock last: until it is gone, a bake of the same key waits for it. Folders only if they are empty.
-  if (!error) fs::remove(store_.root() / kLockName, error);
-  rmdir(store_.root().c_str());
-  rmdir(root_.c_str());
   close(lock);
-  return error ? Failed(store_.root(), "remove the work folder", error.value()) : Status();
+  return removed;
+}
+
+Result<bool> WorkFolder::RemoveUnused(const fs::path& root, const Digest& bake_key) {
+  const fs::path folder = root / bake_key.Hex(), path = folder / kLockName;
+  const int lock = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  if (lock < 0 && errno == ENOENT) return true;
+  if (lock < 0) return Failed(path, "open the file", errno);
+  Result<bool> unused = LockForRemoval(lock, folder);
+  if (unused.ok() && *unused) unused = IsAt(lock, path);
+  if (unused.ok() && *unused) {
+    if (const Status removed = RemoveContents(folder); !removed.ok()) unused = removed;
+  }
+  close(lock);
+  return unused;
 }
 
 }  // namespace glint

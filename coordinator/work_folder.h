@@ -20,9 +20,12 @@ class WorkFolder {
   ~WorkFolder();
 
   ChunkStore& store() { return store_; }
-  /// Removes the chunks, unless another bake is at work on them, and the work folder if nothing else is in
-  /// it. kIo: something could not be removed.
-  Status Remove();
+  /// Removes ROOT/KEY unless a bake is at work on it; false: one is. One that begins meanwhile waits, and
+  /// then begins anew. kIo: something could not be removed.
+  static Result<bool> RemoveUnused(const std::filesystem::path& root, const Digest& bake_key);
+  /// Removes the chunks, unless another bake is at work on them, and with `root_too` the work folder if
+  /// nothing else is in it. kIo: something could not be removed.
+  Status Remove(bool root_too);
 
  private:
   WorkFolder(std::filesystem::path root, ChunkStore store, int lock)

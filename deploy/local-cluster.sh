@@ -39,8 +39,11 @@ trap stop INT TERM EXIT
 
 "$nats" -c "$folder/nats.conf" > "$folder/nats.log" 2>&1 &
 nats_pid=$!
-# Half the machine's memory for what workers keep between layers.
-memory=$(awk -v n="$workers" '/^MemTotal/ { print int($2 / 1024 / 2 / n) + 1 }' /proc/meminfo)
+# Half the memory, the machine's or the container's, for what workers keep between layers.
+memory=$({
+  awk '/^MemTotal/ { printf "%.0f\n", $2 * 1024 }' /proc/meminfo
+  cat /sys/fs/cgroup/memory.max /sys/fs/cgroup/memory/memory.limit_in_bytes 2> /dev/null || true
+} | awk -v n="$workers" '/^[0-9]+$/ && (!least || $1 < least) { least = $1 } END { printf "%d", least / 1048576 / 2 / n + 1 }')
 i=0
 while [ "$i" -lt "$workers" ]; do
   "$glint" worker --store "$folder/store" --threads 1 --memory "$memory" > "$folder/worker-$i.log" 2>&1 &

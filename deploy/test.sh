@@ -4,7 +4,7 @@
 set -eu
 cd "$(dirname "$0")/.."
 
-deploy/install-packages.sh clang libclang-rt-14-dev
+deploy/install-packages.sh clang libclang-rt-14-dev shellcheck systemd yamllint
 
 cmake --preset fuzz
 cmake --build --preset fuzz

@@ -30,6 +30,24 @@ void AddAccuracyWords(CLI::App& app, BakeOptions& options) {
       ->default_str("642")
       ->type_name("N")
       ->group("Accuracy and time");
+  add("--angular-tolerance", settings.angular_tolerance,
+      "shared: leave out directions whose slices interpolation gives within this error, relative to the "
+      "unoccluded "
+      "ones; 0: none")
+      ->check(NumberRange(0, 1e3))
+      ->type_name("X");
+  app.add_option_function<uint32_t>(
+         "--base-directions",
+         [&settings](uint32_t directions) {
+           settings.base_level = DirectionGrid::LevelOf(directions);
+           if (settings.base_level >= 0) return;
+           throw CLI::ValidationError("--base-directions",
+                                      std::to_string(directions) + ": choose one of " + GridSizes());
+         },
+         "With --angular-tolerance: directions that are never left out")
+      ->default_str("42")
+      ->type_name("N")
+      ->group("Accuracy and time");
   add("--layers", options.max_layers, "Layers 0 to K: at most K indirect reflections")
       ->check(CLI::Range(0, kMaxIndirectLayers))
       ->type_name("K");
@@ -56,6 +74,14 @@ void AddAccuracyWords(CLI::App& app, BakeOptions& options) {
       ->type_name("N");
   add("--fit-tolerance", settings.fit.tolerance,
       "No further lobe once the fit's relative error is below this")
+      ->check(NumberRange(0, 1))
+      ->type_name("X");
+  add("--slice-lobes", settings.slice_lobes,
+      "shared: a slice is stored as at most this many lobes for each of its material's")
+      ->check(CLI::Range(1, kMaxSliceLobes))
+      ->type_name("N");
+  add("--lobe-tolerance", settings.lobe_tolerance,
+      "shared: no further lobe of a slice for less than this error, relative to its light")
       ->check(NumberRange(0, 1))
       ->type_name("X");
   add("--drop", settings.drop, "Leave out slices that change the light by less than this")

@@ -9,6 +9,7 @@
 #include "common/base/files.h"
 #include "common/base/log.h"
 #include "common/base/sha256_stream.h"
+#include "coordinator/service/access.h"
 #include "glint/glint.grpc.pb.h"
 
 namespace glint {
@@ -57,8 +58,8 @@ RemoteBake FromMessage(const v1::Bake& message) {
 
 class ClientImpl : public ServiceClient {
  public:
-  ClientImpl(std::string host, const std::shared_ptr<grpc::Channel>& channel)
-      : host_(std::move(host)), stub_(v1::Glint::NewStub(channel)) {}
+  ClientImpl(std::string host, std::string token, const std::shared_ptr<grpc::Channel>& channel)
+      : host_(std::move(host)), token_(std::move(token)), stub_(v1::Glint::NewStub(channel)) {}
 
   Result<Digest> Upload(const fs::path& scene) override {
     GLINT_ASSIGN_OR_RETURN(const MappedFile file, MappedFile::Open(scene));
@@ -102,6 +103,7 @@ class ClientImpl : public ServiceClient {
   Result<RemoteBake> Watch(const std::string& id,
                            const std::function<void(const RemoteBake&)>& on_change) override {
     grpc::ClientContext context;
+    Introduce(&context);
     const auto reader = stub_->Watch(&context, Named(id));
     RemoteBake bake;
     v1::Bake message;
@@ -123,6 +125,7 @@ class ClientImpl : public ServiceClient {
     request.set_id(id);
     request.set_what(report ? v1::FetchRequest::REPORT : v1::FetchRequest::ARCHIVE);
     grpc::ClientContext context;
+    Introduce(&context);
     const auto reader = stub_->Fetch(&context, request);
     const Result<bool> whole = Receive(reader.get(), path);
     if (!whole.ok()) context.TryCancel();
@@ -133,6 +136,11 @@ class ClientImpl : public ServiceClient {
   }
 
  private:
+  /// Says who this is.
+  void Introduce(grpc::ClientContext* context) const {
+    if (!token_.empty()) context->AddMetadata("authorization", "Bearer " + token_);
+  }
+
   static v1::BakeRequest Named(const std::string& id) {
     v1::BakeRequest request;
     request.set_id(id);
@@ -142,6 +150,7 @@ class ClientImpl : public ServiceClient {
   template <class Method, class Request, class Reply>
   Status Call(Method method, const Request& request, Reply* reply) {
     grpc::ClientContext context;
+    Introduce(&context);
     context.set_deadline(std::chrono::system_clock::now() + kCallTimeout);
     return FromGrpc(host_, context, (stub_.get()->*method)(&context, request, reply));
   }
@@ -154,6 +163,7 @@ class ClientImpl : public ServiceClient {
 
   Status Send(const Digest& digest, std::span<const std::byte> bytes) {
     grpc::ClientContext context;
+    Introduce(&context);
     v1::UploadReply reply;
     const auto writer = stub_->Upload(&context, &reply);
     v1::UploadRequest part;
@@ -190,7 +200,7 @@ class ClientImpl : public ServiceClient {
     return true;
   }
 
-  const std::string host_;
+  const std::string host_, token_;
   const std::unique_ptr<v1::Glint::Stub> stub_;
 };
 
@@ -218,12 +228,17 @@ Result<std::shared_ptr<grpc::ChannelCredentials>> MakeCredentials(const ClientOp
 Result<std::unique_ptr<ServiceClient>> ServiceClient::Connect(const ClientOptions& options) {
   GLINT_ASSIGN_OR_RETURN(const std::shared_ptr<grpc::ChannelCredentials> credentials,
                          MakeCredentials(options));
+  std::string token;
+  if (!options.token_file.empty()) {
+    GLINT_ASSIGN_OR_RETURN(token, ReadToken(options.token_file));
+  }
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
   // A proxy of the web is in the way of a service of one's own.
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   const auto channel = grpc::CreateCustomChannel(options.host, credentials, arguments);
-  return std::unique_ptr<ServiceClient>(std::make_unique<ClientImpl>(options.host, channel));
+  return std::unique_ptr<ServiceClient>(
+      std::make_unique<ClientImpl>(options.host, std::move(token), channel));
 }
 
 }  // namespace glint

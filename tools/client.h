@@ -15,6 +15,7 @@ namespace glint {
 struct ClientOptions {
   std::string host = "127.0.0.1:7117";       ///< HOST:PORT
   std::string ca_file, cert_file, key_file;  ///< PEM; all three or none: without, nothing is encrypted
+  std::string token_file;                    ///< empty: the service asks for no token
 };
 
 /// A bake as the service tells of it.

@@ -103,7 +103,7 @@ void AddMachineWords(CLI::App& app, BakeWords& words) {
   app.add_flag("--keep-work", options.keep_work, "Keep that sub-folder after the archive is written")
       ->group(group);
   app.add_option("--memory", words.memory_mib,
-                 "MiB for hits kept between layers; 0: a quarter of the machine's")
+                 "MiB for hits kept between layers; 0: a quarter of what it may use")
       ->check(CLI::Range(uint64_t{0}, uint64_t{1} << 32))
       ->type_name("MIB")
       ->group(group);

@@ -20,9 +20,13 @@ struct EstimateWords {
 /// The settings that the estimate shares with the bake, from the archive's report as far as it has them.
 void TakeSettings(const nlohmann::ordered_json& report, EstimateOptions* options) {
   if (!report.is_object() || !report.contains("settings") || !report["settings"].is_object()) return;
-  const auto drop = report["settings"].find("drop"), seed = report["settings"].find("seed");
-  if (drop != report["settings"].end() && drop->is_number()) options->drop = drop->get<float>();
-  if (seed != report["settings"].end() && seed->is_number_unsigned()) options->seed = seed->get<uint64_t>();
+  const auto take = [&](const char* name, auto* value) {
+    const auto found = report["settings"].find(name);
+    if (found != report["settings"].end() && found->is_number()) found->get_to(*value);
+  };
+  take("drop", &options->read_out.drop);
+  take("lobe_tolerance", &options->read_out.lobe_tolerance);
+  take("seed", &options->seed);
 }
 
 Status RunEstimate(const EstimateWords& words, const CommonWords& common) {
@@ -30,8 +34,10 @@ Status RunEstimate(const EstimateWords& words, const CommonWords& common) {
   EstimateOptions options = words.options;
   options.threads = common.threads;
   TakeSettings(ParseReport(archive.report_json()), &options);
+  if (archive.layers().size() > 1)
+    options.read_out.slice_lobes = static_cast<int>(archive.layers()[1].lobes());
   const RayScene rays(BareScene(archive.domain()));
-  const DirectionGrid grid(archive.grid_level());
+  const DirectionGrid grid = archive.MakeGrid();
   GLINT_ASSIGN_OR_RETURN(const ErrorEstimate estimate,
                          EstimateError(archive.domain(), rays, grid, archive.layers(), options));
   const auto json = nlohmann::ordered_json::parse(ToJson(estimate));

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
@@ -34,9 +35,11 @@ Json ReadReport(const std::string& path, const Archive& archive) {
   return {};
 }
 
+constexpr const char* kForms[] = {"classic", "compact", "segmented"};  ///< by TableForm
+
 Json DescribeTable(const SliceTableView& table, const std::string& name) {
   return {{"name", name},
-          {"form", table.form() == TableForm::kClassic ? "classic" : "compact"},
+          {"form", kForms[static_cast<size_t>(table.form())]},
           {"rows", table.rows()},
           {"columns", table.columns()},
           {"stored", table.entries()},
@@ -66,17 +69,37 @@ Json LayerCounts(const Json& bake, size_t layer) {
   return counts;
 }
 
+std::string TableName(const LayerViews& views, uint32_t lobe, uint32_t slot) {
+  const std::string name =
+      slot < views.diffuse_slot() ? "specular lobe " + std::to_string(slot) : std::string("diffuse");
+  return lobe == 0 ? name : name + " +" + std::to_string(lobe);
+}
+
+/// Stored slices with exactly 1, 2, ... lobes.
+Json SlicesByLobes(const LayerViews& views) {
+  Json counts = Json::array();
+  uint64_t more = 0;
+  for (uint32_t lobe = views.lobes(); lobe-- > 0;) {
+    uint64_t at_least = 0;
+    for (uint32_t slot = 0; slot <= views.diffuse_slot(); ++slot)
+      at_least += views.table(lobe, slot).entries();
+    counts.insert(counts.begin(), at_least - std::min(more, at_least));
+    more = at_least;
+  }
+  return counts;
+}
+
 Json DescribeLayers(const Archive& archive, const Json& bake) {
   Json layers = Json::array();
   for (size_t i = 0; i < archive.layers().size(); ++i) {
     const LayerViews& views = archive.layers()[i];
     Json tables = Json::array();
-    for (size_t lobe = 0; lobe < views.specular.size(); ++lobe) {
-      tables.push_back(DescribeTable(views.specular[lobe], "specular lobe " + std::to_string(lobe)));
-    }
-    tables.push_back(DescribeTable(views.diffuse, "diffuse"));
+    for (uint32_t lobe = 0; lobe < views.lobes(); ++lobe)
+      for (uint32_t slot = 0; slot <= views.diffuse_slot(); ++slot)
+        tables.push_back(DescribeTable(views.table(lobe, slot), TableName(views, lobe, slot)));
     Json layer = {{"layer", i}};
     layer.update(LayerCounts(bake, i));
+    layer["with_lobes"] = SlicesByLobes(views);
     layer["tables"] = tables;
     layers.push_back(layer);
   }
@@ -113,7 +136,7 @@ Json DescribeArchive(const std::string& path, const Archive& archive) {
           {"vertices", archive.domain().vertex_count()},
           {"baked_vertices", archive.domain().row_count()},
           {"triangles", archive.domain().triangles.size()},
-          {"directions", DirectionGrid(archive.grid_level()).size()},
+          {"directions", archive.MakeGrid().size()},
           {"cameras", cameras},
           {"layers", DescribeLayers(archive, bake)},
           {"shapes", DescribeShapes(archive.domain())},
@@ -162,13 +185,16 @@ std::string ToText(const Json& d) {
     if (layer.contains("slices"))
       Line(out, "%-6d %12llu %12llu %12llu %14.5f", layer["layer"].get<int>(), layer["slices"].get<Count>(),
            layer["stored"].get<Count>(), layer["absent"].get<Count>(), layer["relative_light"].get<double>());
+  out += "\nstored slices with 1, 2, ... lobes for one of their BRDF's\n";
+  for (const Json& layer : d["layers"])
+    Line(out, "%-6d %s", layer["layer"].get<int>(), Dump(layer["with_lobes"]).c_str());
   const std::string error = ErrorTable(d["bake"].is_object() ? d["bake"].value("error", Json()) : Json());
   if (!error.empty()) out += '\n' + error;
-  Line(out, "\n%-6s %-16s %-8s %10s %8s %12s %8s %7s %12s", "layer", "table", "form", "rows", "columns",
+  Line(out, "\n%-6s %-18s %-8s %10s %8s %12s %8s %7s %12s", "layer", "table", "form", "rows", "columns",
        "stored", "density", "fill", "index bytes");
   for (const Json& layer : d["layers"]) {
     for (const Json& t : layer["tables"]) {
-      Line(out, "%-6d %-16s %-8s %10llu %8llu %12llu %8.4f %7.4f %12llu", layer["layer"].get<int>(),
+      Line(out, "%-6d %-18s %-8s %10llu %8llu %12llu %8.4f %7.4f %12llu", layer["layer"].get<int>(),
            t["name"].get<std::string>().c_str(), t["form"].get<std::string>().c_str(), t["rows"].get<Count>(),
            t["columns"].get<Count>(), t["stored"].get<Count>(), t["density"].get<double>(),
            t["fill"].get<double>(), t["index_bytes"].get<Count>());

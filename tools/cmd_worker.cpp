@@ -3,14 +3,17 @@
 #include <memory>
 #include <system_error>
 
+#include "common/base/files.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "common/base/parallel.h"
 #include "common/queue/nats_queue.h"
 #include "tools/commands.h"
+#include "tools/monitor_words.h"
 #include "tools/service_words.h"
 #include "worker/execution_id.h"
 #include "worker/worker.h"
+#include "worker/worker_metrics.h"
 
 namespace glint {
 namespace {
@@ -18,6 +21,7 @@ namespace {
 struct WorkerWords {
   WorkerOptions options;
   NatsOptions nats;
+  MonitorWords monitor;
   uint64_t memory_mib = 0;
 };
 
@@ -27,19 +31,35 @@ void EndProcess(const std::string& task) {
   std::_Exit(static_cast<int>(ErrorKind::kInternal));
 }
 
+/// What the worker shows, and what it cannot work without.
+Monitored Watched(const WorkerMeter& meter, const WorkerOptions& options, NatsQueue* queue) {
+  return {[&meter, threads = options.threads] { return WorkerMetrics(meter, threads); },
+          {{"store", [store = options.store] { return CheckWritable(store); }},
+           {"queue", [queue] { return queue->CheckReachable(); }}}};
+}
+
 Status RunWorkerCommand(const WorkerWords& words, const CommonWords& common) {
+  SetLogFormat(words.monitor.log_format);
   WorkerOptions options = words.options;
   options.threads = ResolveThreadCount(common.threads);
-  options.memory_bytes = words.memory_mib ? words.memory_mib << 20 : MachineMemory() / 4;
+  options.memory_bytes = words.memory_mib ? words.memory_mib << 20 : UsableMemory() / 4;
   options.on_stuck = EndProcess;
   std::error_code error;
   options.program = std::filesystem::read_symlink("/proc/self/exe", error);
   if (error) return IoError("/proc/self/exe: cannot find this program: " + error.message());
 
-  GLINT_ASSIGN_OR_RETURN(const std::unique_ptr<NatsQueue> queue, NatsQueue::Connect(words.nats));
+  NatsOptions nats = words.nats;
+  nats.inbox = kWorkerInbox;
+  GLINT_ASSIGN_OR_RETURN(const std::unique_ptr<NatsQueue> queue, NatsQueue::Connect(nats));
+  WorkerMeter meter;
+  GLINT_ASSIGN_OR_RETURN(const std::unique_ptr<MonitorServer> monitor,
+                         StartMonitor(words.monitor, Watched(meter, options, queue.get())));
   Log(LogLevel::kNote, "worker of " + std::to_string(options.threads) + " threads on " +
-                           options.store.string() + " for bakes of '" + ExecutionId() + "'");
-  const WorkerCounts counts = RunWorker(queue.get(), options);
+                           options.store.string() + " for bakes of '" + ExecutionId() + "'; may use " +
+                           std::to_string(UsableMemory() >> 20) + " MiB of memory, " +
+                           std::to_string(options.memory_bytes >> 20) +
+                           " of them for hits kept between layers");
+  const WorkerCounts counts = RunWorker(queue.get(), options, &meter);
   Log(LogLevel::kNote, "worker ends: " + std::to_string(counts.computed) + " tasks computed, " +
                            std::to_string(counts.found) + " found done, " + std::to_string(counts.returned) +
                            " returned, " + std::to_string(counts.given_up) + " given up");
@@ -63,7 +83,7 @@ Command AddWorkerCommand(CLI::App& glint, CommonWords& common) {
       ->check(CLI::ExistingDirectory)
       ->type_name("FOLDER");
   app.add_option("--memory", words->memory_mib,
-                 "MiB for hits kept between layers; 0: a quarter of the machine's")
+                 "MiB for hits kept between layers; 0: a quarter of what it may use")
       ->check(CLI::Range(uint64_t{0}, uint64_t{1} << 32))
       ->type_name("MIB");
   app.add_option("--deadline", options.deadline_seconds, "Seconds after which a task counts as hung")
@@ -75,6 +95,7 @@ Command AddWorkerCommand(CLI::App& glint, CommonWords& common) {
       ->capture_default_str()
       ->type_name("S");
   AddNatsWords(app, words->nats);
+  AddMonitorWords(app, words->monitor);
   AddCommonWords(app, common);
   app.footer(
       "Workers may come and go at any time. Ctrl-C or SIGTERM: finishes the tasks at work, takes no new "

@@ -11,6 +11,7 @@ Command AddBakeCommand(CLI::App& glint, CommonWords& common);
 Command AddRunTaskCommand(CLI::App& glint, CommonWords& common);
 Command AddWorkerCommand(CLI::App& glint, CommonWords& common);
 Command AddServeCommand(CLI::App& glint, CommonWords& common);
+Command AddTokenCommand(CLI::App& glint, CommonWords& common);
 Command AddSubmitCommand(CLI::App& glint, CommonWords& common);
 Command AddStatusCommand(CLI::App& glint, CommonWords& common);
 Command AddWatchCommand(CLI::App& glint, CommonWords& common);

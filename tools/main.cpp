@@ -34,13 +34,13 @@ constexpr char kFooter[] =
 
 using Adder = Command (*)(CLI::App&, CommonWords&);
 constexpr std::pair<const char*, Adder> kCommands[] = {
-    {"bake", AddBakeCommand},           {"run-task", AddRunTaskCommand},       {"worker", AddWorkerCommand},
-    {"serve", AddServeCommand},         {"submit", AddSubmitCommand},          {"status", AddStatusCommand},
-    {"watch", AddWatchCommand},         {"cancel", AddCancelCommand},          {"resume", AddResumeCommand},
-    {"fetch", AddFetchCommand},         {"delete", AddDeleteCommand},          {"render", AddRenderCommand},
-    {"reference", AddReferenceCommand}, {"compare", AddCompareCommand},        {"chart", AddChartCommand},
-    {"inspect", AddInspectCommand},     {"estimate", AddEstimateCommand},      {"verify", AddVerifyCommand},
-    {"scene", AddSceneCommand},         {"environment", AddEnvironmentCommand}};
+    {"bake", AddBakeCommand},     {"run-task", AddRunTaskCommand},    {"worker", AddWorkerCommand},
+    {"serve", AddServeCommand},   {"token", AddTokenCommand},         {"submit", AddSubmitCommand},
+    {"status", AddStatusCommand}, {"watch", AddWatchCommand},         {"cancel", AddCancelCommand},
+    {"resume", AddResumeCommand}, {"fetch", AddFetchCommand},         {"delete", AddDeleteCommand},
+    {"render", AddRenderCommand}, {"reference", AddReferenceCommand}, {"compare", AddCompareCommand},
+    {"chart", AddChartCommand},   {"inspect", AddInspectCommand},     {"estimate", AddEstimateCommand},
+    {"verify", AddVerifyCommand}, {"scene", AddSceneCommand},         {"environment", AddEnvironmentCommand}};
 
 int Fail(const Status& status) {
   Log(LogLevel::kError, status.message());

@@ -60,6 +60,10 @@ void AddClientWords(CLI::App& app, ClientOptions& client) {
   app.add_option("--tls-key", client.key_file, "The key of that certificate (PEM)")
       ->type_name("FILE")
       ->group(group);
+  app.add_option("--token-file", client.token_file, "This client's token, as 'glint token' wrote it")
+      ->envname("GLINT_TOKEN_FILE")
+      ->type_name("FILE")
+      ->group(group);
 }
 
 }  // namespace glint

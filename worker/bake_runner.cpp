@@ -42,7 +42,7 @@ struct BakeRunner::Surface {
   Surface(const Digest& bake_key, const BakeDomain& from, const BakeSettings& settings, uint64_t memory_bytes)
       : bake(bake_key),
         domain(from),
-        grid(settings.grid_level),
+        grid(settings.grid_level, settings.BaseLevel()),
         rays(domain.positions, domain.triangles),
         gatherer(MakeGatherer({domain, rays, grid}, settings, memory_bytes)) {}
 
@@ -57,11 +57,13 @@ struct BakeRunner::State {
   ChunkStore store;
   int threads;
   uint64_t memory_bytes;
+  WorkerMeter* meter;
   std::shared_mutex mutex;            ///< shared: tasks at work; exclusive: the round changes
   std::unique_ptr<Surface> surface;   ///< of the first task that had to be computed
   std::optional<Digest> round_input;  ///< that the gatherer has turned to
 
   Status BeginRound(const RoundManifest& round) {
+    const MeteredSpan span(meter ? &meter->round_seconds : nullptr);
     GLINT_ASSIGN_OR_RETURN(const Archive input, OpenInput(store.root(), round));
     round_input.reset();  // should something fail half way
     if (!surface || surface->bake != round.Bake()) {
@@ -94,9 +96,11 @@ BakeRunner::BakeRunner(std::unique_ptr<State> state) : state_(std::move(state)) 
 BakeRunner::BakeRunner(BakeRunner&&) noexcept = default;
 BakeRunner::~BakeRunner() = default;
 
-Result<BakeRunner> BakeRunner::Open(const fs::path& folder, int threads, uint64_t memory_bytes) {
+Result<BakeRunner> BakeRunner::Open(const fs::path& folder, int threads, uint64_t memory_bytes,
+                                    WorkerMeter* meter) {
   GLINT_ASSIGN_OR_RETURN(ChunkStore store, ChunkStore::Open(folder));
-  return BakeRunner(std::unique_ptr<State>(new State{std::move(store), threads, memory_bytes, {}, {}, {}}));
+  return BakeRunner(
+      std::unique_ptr<State>(new State{std::move(store), threads, memory_bytes, meter, {}, {}, {}}));
 }
 
 Result<bool> BakeRunner::Run(const RoundManifest& round, size_t index) {
@@ -109,7 +113,7 @@ Result<bool> BakeRunner::Run(const RoundManifest& round, size_t index) {
   if (state_->store.FindResult(task.key)) return true;
   GLINT_ASSIGN_OR_RETURN(const std::shared_lock<std::shared_mutex> at_work, state_->EnterRound(round));
   GLINT_RETURN_IF_ERROR(CheckBlock(task.block, state_->surface->domain));
-  GLINT_RETURN_IF_ERROR(ComputeTask(task, *state_->surface->gatherer, &state_->store));
+  GLINT_RETURN_IF_ERROR(ComputeTask(task, *state_->surface->gatherer, &state_->store, state_->meter));
   return false;
 }
 

@@ -10,6 +10,7 @@
 #include "common/base/status.h"
 #include "common/round/manifest.h"
 #include "common/store/store.h"
+#include "worker/worker_meter.h"
 
 namespace glint {
 
@@ -20,7 +21,9 @@ class BakeRunner {
   /// @param folder        of the bake, with its chunks
   /// @param threads       to turn to a round with; Run may be called by any number
   /// @param memory_bytes  bound on hit sets kept between rounds
-  static Result<BakeRunner> Open(const std::filesystem::path& folder, int threads, uint64_t memory_bytes);
+  /// @param meter         null: nobody watches
+  static Result<BakeRunner> Open(const std::filesystem::path& folder, int threads, uint64_t memory_bytes,
+                                 WorkerMeter* meter = nullptr);
   BakeRunner(BakeRunner&&) noexcept;
   ~BakeRunner();
 

@@ -3,9 +3,21 @@
 #include "common/archive/chunk.h"
 
 namespace glint {
+namespace {
 
-Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store) {
-  return PublishResult(task, gatherer.Gather(task.block), store);
+BlockResult Gather(const TaskSpec& task, Gatherer& gatherer, WorkerMeter* meter) {
+  const MeteredSpan span(meter ? &meter->gather_seconds : nullptr);
+  BlockResult result = gatherer.Gather(task.block);
+  if (meter) meter->rays += result.counters.rays;
+  return result;
+}
+
+}  // namespace
+
+Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store, WorkerMeter* meter) {
+  const BlockResult result = Gather(task, gatherer, meter);
+  const MeteredSpan span(meter ? &meter->publish_seconds : nullptr);
+  return PublishResult(task, result, store);
 }
 
 Status PublishResult(const TaskSpec& task, const BlockResult& result, ChunkStore* store) {

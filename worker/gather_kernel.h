@@ -58,6 +58,21 @@ struct IndirectSums {
   float light[6] = {};
 };
 
+/// What a slice's samples bring, each times its weight: a list to be grouped, in whole groups of kLanes whose
+/// unused places hold zeros.
+struct LightList {
+  static constexpr int kChannels = 7;
+  float* channel[kChannels];  ///< strength; its first moment x, y, z; colour r, g, b
+  int count;
+};
+
+/// Sums of a list over the samples of one group.
+struct LightSums {
+  float strength = 0, moment[3] = {}, colour[3] = {};
+};
+
+inline constexpr int kMaxLightGroups = 4;
+
 /// The loops for one instruction set. Every level adds in the same order; they differ in fused multiply-adds
 /// only.
 struct GatherKernels {
@@ -73,6 +88,15 @@ struct GatherKernels {
   /// The same with the cosine (z) as weight.
   void (*direct_cosine)(const SampleArrays& s, const uint16_t* tiles, int count, DirectSums* out);
   void (*indirect_cosine)(const SampleArrays& s, const uint16_t* tiles, int count, IndirectSums* out);
+  /// Lists the light of the samples that send some, weighted as above. The list has room for all samples.
+  void (*list_lobe)(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w,
+                    LightList* out);
+  void (*list_cosine)(const SampleArrays& s, const uint16_t* tiles, int count, LightList* out);
+  /// Sum of strength * d d^T over a list, d = moment / strength - mean: xx, xy, xz, yy, yz, zz.
+  void (*spread)(const LightList& list, const float mean[3], float out[6]);
+  /// Sums the samples by the nearest of kMaxLightGroups centres, the first of equals.
+  void (*group)(const LightList& list, const float centres[kMaxLightGroups][3], bool colour,
+                LightSums out[kMaxLightGroups]);
 };
 
 extern const GatherKernels kGatherKernelsBase;

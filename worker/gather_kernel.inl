@@ -109,6 +109,97 @@ void SumCosine(const SampleArrays& s, const uint16_t* tiles, int count, Sums* ou
   SumTiles<Accumulator>(s, tiles, count, CosineWeigher{}, out);
 }
 
+/// Rec. 709, as Luminance in common/base.
+constexpr float kLuminance[3] = {0.2126f, 0.7152f, 0.0722f};
+
+inline void Store(float* p, const Floats& v) { __builtin_memcpy(p, &v, sizeof v); }
+
+template <class Weigher>
+inline void ListTiles(const SampleArrays& s, const uint16_t* tiles, int count, const Weigher& weigher, LightList* out) {
+  out->count = 0;
+  for (int t = 0; t < count; ++t)
+    for (uint32_t i = s.tile_begin[tiles[t]]; i < s.tile_begin[tiles[t] + 1]; i += kLanes) {
+      const Floats weight = weigher(Load(s.x + i), Load(s.y + i), Load(s.z + i));
+      Floats light[6];
+      for (int c = 0; c < 6; ++c) light[c] = weight * Load(s.light[c] + i);
+      const Floats strength = kLuminance[0] * light[0] + kLuminance[1] * light[1] + kLuminance[2] * light[2];
+      if (!(Sum(strength) > 0)) continue;
+      Store(out->channel[0] + out->count, strength);
+      for (int c = 0; c < 3; ++c) {
+        Store(out->channel[1 + c] + out->count, light[3 + c]);
+        Store(out->channel[4 + c] + out->count, light[c]);
+      }
+      out->count += kLanes;
+    }
+}
+
+void ListLobe(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w, LightList* out) {
+  ListTiles(s, tiles, count, LobeWeigher(w), out);
+}
+
+void ListCosine(const SampleArrays& s, const uint16_t* tiles, int count, LightList* out) {
+  ListTiles(s, tiles, count, CosineWeigher{}, out);
+}
+
+void Spread(const LightList& list, const float mean[3], float out[6]) {
+  Floats sum[6] = {};
+  for (int i = 0; i < list.count; i += kLanes) {
+    const Floats strength = Load(list.channel[0] + i);
+    const Floats inverse = 1.0f / (strength > 0.0f ? strength : Splat(1));
+    const Floats x = Load(list.channel[1] + i) * inverse - mean[0];
+    const Floats y = Load(list.channel[2] + i) * inverse - mean[1];
+    const Floats z = Load(list.channel[3] + i) * inverse - mean[2];
+    const Floats sx = strength * x, sy = strength * y, sz = strength * z;
+    sum[0] += sx * x;
+    sum[1] += sx * y;
+    sum[2] += sx * z;
+    sum[3] += sy * y;
+    sum[4] += sy * z;
+    sum[5] += sz * z;
+  }
+  for (int i = 0; i < 6; ++i) out[i] = Sum(sum[i]);
+}
+
+/// |m / s - c|^2 s grows as s |c|^2 / 2 - m . c: no division.
+template <int kSummed>
+void GroupChannels(const LightList& list, const float centres[kMaxLightGroups][3],
+                   LightSums out[kMaxLightGroups]) {
+  Floats sum[kMaxLightGroups][kSummed] = {};
+  float half_square[kMaxLightGroups];
+  for (int g = 0; g < kMaxLightGroups; ++g)
+    half_square[g] = 0.5f * (centres[g][0] * centres[g][0] + centres[g][1] * centres[g][1] +
+                             centres[g][2] * centres[g][2]);
+  for (int i = 0; i < list.count; i += kLanes) {
+    Floats value[kSummed], nearness[kMaxLightGroups];
+    for (int c = 0; c < kSummed; ++c) value[c] = Load(list.channel[c] + i);
+    for (int g = 0; g < kMaxLightGroups; ++g)
+      nearness[g] = value[1] * centres[g][0] + value[2] * centres[g][1] + value[3] * centres[g][2] -
+                    value[0] * half_square[g];
+    const Floats low = nearness[0] >= nearness[1] ? nearness[0] : nearness[1];
+    const Floats high = nearness[2] >= nearness[3] ? nearness[2] : nearness[3];
+    const Ints in_low = low >= high, first = nearness[0] >= nearness[1], third = nearness[2] >= nearness[3];
+    const Ints in_group[kMaxLightGroups] = {in_low & first, in_low & ~first, ~in_low & third,
+                                            ~in_low & ~third};
+    for (int g = 0; g < kMaxLightGroups; ++g)
+      for (int c = 0; c < kSummed; ++c) sum[g][c] += in_group[g] ? value[c] : Splat(0);
+  }
+  for (int g = 0; g < kMaxLightGroups; ++g) {
+    float* to[LightList::kChannels] = {&out[g].strength,  &out[g].moment[0], &out[g].moment[1],
+                                       &out[g].moment[2], &out[g].colour[0], &out[g].colour[1],
+                                       &out[g].colour[2]};
+    for (int c = 0; c < kSummed; ++c) *to[c] = Sum(sum[g][c]);
+  }
+}
+
+void Group(const LightList& list, const float centres[kMaxLightGroups][3], bool colour,
+           LightSums out[kMaxLightGroups]) {
+  if (colour) {
+    GroupChannels<7>(list, centres, out);
+  } else {
+    GroupChannels<4>(list, centres, out);
+  }
+}
+
 inline uint32_t SignMask(const Floats& v) {
 #ifdef __AVX__
   return static_cast<uint32_t>(__builtin_ia32_movmskps256(v));
@@ -172,6 +263,10 @@ const GatherKernels GLINT_KERNELS = {GLINT_KERNEL_LEVEL,
                                      SumLobe<DirectAccumulator, DirectSums>,
                                      SumLobe<IndirectAccumulator, IndirectSums>,
                                      SumCosine<DirectAccumulator, DirectSums>,
-                                     SumCosine<IndirectAccumulator, IndirectSums>};
+                                     SumCosine<IndirectAccumulator, IndirectSums>,
+                                     ListLobe,
+                                     ListCosine,
+                                     Spread,
+                                     Group};
 
 }  // namespace glint

@@ -36,6 +36,8 @@ class HemisphereSamples {
   uint64_t Shade(const HitSet& hits, const LatticePose& pose, const RayScene& rays, const LayerLight& light,
                  float dark);
   SampleArrays arrays() const;
+  /// Laid out, padding included.
+  uint32_t samples() const { return count_; }
   bool any_active() const { return !active_.empty(); }
   ConeTree active_cones() const { return active_.tree(); }
   /// Tiles of the active cones, ascending.

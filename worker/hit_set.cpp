@@ -15,10 +15,7 @@ namespace {
 /// lobe, the less there is within it to tell apart, so rays grow as kappa^(3/4) only: at equal rays per kappa
 /// the indirect layers' error fell from exponent 128 to 512 by half.
 int LatticeSide(const BrdfShape& shape, const BakeSettings& settings) {
-  float kappa = 1;
-  for (const BrdfSlice& slice : shape.slices)
-    for (int k = 0; k < slice.lobes; ++k)
-      if (slice.lobe[k].scale + slice.lobe[k].bias > 0.02f) kappa = std::max(kappa, slice.lobe[k].kappa);
+  const float kappa = SharpestKappa(shape);
   constexpr float kReference = 128;
   const float wanted = settings.rays_per_kappa * kappa * std::pow(kReference / kappa, 0.25f);
   const float rays =
@@ -264,6 +261,14 @@ class HitSetBuilder {
 };
 
 }  // namespace
+
+float SharpestKappa(const BrdfShape& shape) {
+  float kappa = 1;
+  for (const BrdfSlice& slice : shape.slices)
+    for (int k = 0; k < slice.lobes; ++k)
+      if (slice.lobe[k].scale + slice.lobe[k].bias > 0.02f) kappa = std::max(kappa, slice.lobe[k].kappa);
+  return kappa;
+}
 
 HitSetCache::HitSetCache(const GatherInput& input, const BakeSettings& settings, uint64_t memory_bytes)
     : input_(input), settings_(settings), room_(static_cast<int64_t>(memory_bytes)) {

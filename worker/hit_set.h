@@ -46,6 +46,9 @@ struct HitSet {
   }
 };
 
+/// Of the lobes that reflect anything to speak of, at least 1.
+float SharpestKappa(const BrdfShape& shape);
+
 /// Traces and keeps hit sets. Thread-safe; what does not fit into the memory bound is traced again when it is
 /// needed.
 class HitSetCache {

@@ -7,11 +7,14 @@
 #include <glm/geometric.hpp>
 
 #include "common/archive/lobe_codec.h"
+#include "common/archive/merge_lobes.h"
+#include "common/archive/nested.h"
 #include "common/archive/transfer.h"
 #include "common/base/bend_normal.h"
 #include "common/base/frame.h"
 #include "common/base/half.h"
 #include "common/base/parallel.h"
+#include "common/domain/bake_settings.h"
 #include "common/lobes/vmf.h"
 
 namespace glint {
@@ -132,7 +135,10 @@ void LayerLight::PackSurface() {
     row_.push_back({domain_.Row(r).normal, reinterpret_cast<const std::byte*>(empty_row_.data())});
 }
 
-LayerLight::Entry LayerLight::Pack(const std::byte* stored) const {
+LayerLight::Entry LayerLight::Pack(const LayerViews& views, uint32_t slot, uint32_t v,
+                                   uint32_t column) const {
+  const std::byte* stored = views.table(0, slot).Find(v, column);
+  if (!stored) return absent_[0];
   if (layer_ == 0) {
     const DirectLobe lobe = DecodeDirect(stored);
     return {{EncodeHalf(lobe.fraction), EncodeHalf(lobe.fraction * lobe.kappa_ratio), 0, 0},
@@ -140,7 +146,13 @@ LayerLight::Entry LayerLight::Pack(const std::byte* stored) const {
              EncodeSnorm(0.5f * lobe.shift.z)},
             EncodeHalf(lobe.fraction)};
   }
-  const IndirectLobe lobe = DecodeIndirect(stored);
+  std::array<IndirectLobe, kMaxSliceLobes> lobes;
+  uint32_t count = 0;
+  while (stored) {
+    lobes[count++] = DecodeIndirect(stored);
+    stored = count < views.lobes() ? views.table(count, slot).Find(v, column) : nullptr;
+  }
+  const IndirectLobe lobe = count == 1 ? lobes[0] : MergeLobes({lobes.data(), count});
   const float strength = Luminance(lobe.alpha);
   const float spread = strength * (lobe.kappa > 0 ? DeltaFromKappa(lobe.kappa) : 1.0f) * kDeltaScale;
   return {{EncodeHalf(lobe.alpha.x), EncodeHalf(lobe.alpha.y), EncodeHalf(lobe.alpha.z), EncodeHalf(spread)},
@@ -150,57 +162,90 @@ LayerLight::Entry LayerLight::Pack(const std::byte* stored) const {
 
 void LayerLight::PackRows(const LayerViews& views, int threads) {
   if (views.specular.empty()) return;
-  const uint32_t rows = domain_.row_count();
-  std::vector<uint64_t> begin(rows + size_t{1}, 0);
-  // A row's words: which columns any lobe has, and before each word how many.
-  auto mark = [&](uint32_t v, uint64_t* words) {
-    std::fill_n(words, words_, 0);
-    for (const SliceTableView& table : views.specular)
-      table.Row(v).ForEach([&](uint32_t column, const std::byte*) {
-        words[column / kWordColumns] |= uint64_t{1} << (column % kWordColumns);
-      });
-    uint64_t rank = 0;
-    for (uint32_t w = 0; w < words_; ++w) {
-      const auto count = static_cast<uint64_t>(std::popcount(words[w]));
-      words[w] |= rank << kWordColumns;
-      rank += count;
-    }
-    return rank;
-  };
-  auto stored = [&](uint32_t v) {
-    return std::any_of(views.specular.begin(), views.specular.end(),
-                       [&](const SliceTableView& table) { return !table.RowEmpty(v); });
-  };
+  packed_.resize(domain_.row_count());
   constexpr size_t kGrain = 256;
-  ParallelFor(rows, threads, kGrain, [&](size_t v, int) {
-    if (!stored(static_cast<uint32_t>(v))) return;
-    std::vector<uint64_t> words(words_);
-    begin[v + 1] = head_ + mark(static_cast<uint32_t>(v), words.data()) * static_cast<size_t>(lobes_);
+  ParallelFor(packed_.size(), threads, kGrain, [&](size_t i, int) {
+    const auto v = static_cast<uint32_t>(i);
+    const bool stored = std::any_of(views.specular.begin(), views.specular.end(),
+                                    [&](const SliceTableView& table) { return !table.RowEmpty(v); });
+    if (!stored) return;
+    thread_local std::vector<Entry> slices;
+    UnpackRow(views, v, &slices);
+    packed_[v] = PackRow(slices);
+    row_[v].words = reinterpret_cast<const std::byte*>(packed_[v].data());
   });
-  for (uint32_t v = 0; v < rows; ++v) begin[v + 1] += begin[v];
-  packed_.resize(begin[rows]);
-  ParallelFor(rows, threads, kGrain, [&](size_t v, int) {
-    if (begin[v + 1] == begin[v]) return;
-    Entry* row = packed_.data() + begin[v];
-    std::vector<uint64_t> words(words_);
-    mark(static_cast<uint32_t>(v), words.data());
-    std::memcpy(static_cast<void*>(row), words.data(), words_ * sizeof(uint64_t));
-    Entry* entry = row + head_;
-    for (uint32_t column = 0; column < grid_.size(); ++column) {
-      if ((words[column / kWordColumns] >> (column % kWordColumns) & 1) == 0) continue;
-      for (int k = 0; k < lobes_; ++k) {
-        const std::byte* bytes = views.specular[k].Find(static_cast<uint32_t>(v), column);
-        *entry++ = bytes ? Pack(bytes) : absent_[0];
-      }
-    }
-    row_[v].words = reinterpret_cast<const std::byte*>(row);
-  });
+}
+
+/// Entries of all directions and lobes of a bake vertex, those that are predicted, too.
+void LayerLight::UnpackRow(const LayerViews& views, uint32_t v, std::vector<Entry>* slices) const {
+  slices->assign(grid_.size() * static_cast<size_t>(lobes_), absent_[0]);
+  for (int k = 0; k < lobes_; ++k) {
+    const auto slot = static_cast<uint32_t>(k);
+    const SliceTableView::RowView row = views.specular[slot].Row(v);
+    row.ForEach([&](uint32_t column, const std::byte*) {
+      (*slices)[column * static_cast<size_t>(lobes_) + slot] = Pack(views, slot, v, column);
+    });
+    if (views.nested && !row.empty()) PredictSlices(row, slot, v, slices);
+  }
+}
+
+void LayerLight::PredictSlices(const SliceTableView::RowView& row, uint32_t slot, uint32_t v,
+                               std::vector<Entry>* slices) const {
+  const auto at = [&](uint32_t direction) -> Entry& {
+    return (*slices)[direction * static_cast<size_t>(lobes_) + slot];
+  };
+  const BakeVertex vertex = domain_.Row(v);
+  for (const float side : {1.0f, -1.0f}) {
+    if (side < 0 && !vertex.double_sided) continue;
+    const glm::vec3 n = side * vertex.normal;
+    ForEachPredicted(
+        grid_, [&](uint32_t d) { return glm::dot(n, grid_.direction(d)) > 0; },
+        [&](uint32_t d) { return row.Find(d) != nullptr; },
+        [&](uint32_t d, const std::array<uint32_t, 2>& ends, const std::array<float, 2>& share) {
+          const Entry &a = at(ends[0]), &b = at(ends[1]);
+          at(d) = share[0] == 1 || a == b ? a : share[1] == 1 ? b : Mean(a, b);
+        });
+  }
+}
+
+/// What half of each adds up to; Sums is linear in its entries.
+LayerLight::Entry LayerLight::Mean(const Entry& a, const Entry& b) {
+  Sums sums;
+  sums.Add(0.5f, a);
+  sums.Add(0.5f, b);
+  Entry mean;
+  for (int c = 0; c < 4; ++c) mean.linear[c] = EncodeHalf(sums.linear[c]);
+  const glm::vec3 direction = sums.strength > 0 ? sums.direction() / sums.strength : glm::vec3(0);
+  mean.vector = {EncodeSnorm(direction.x), EncodeSnorm(direction.y), EncodeSnorm(direction.z)};
+  mean.strength = EncodeHalf(sums.strength);
+  return mean;
+}
+
+/// A row's words, and the entries of directions that differ in some lobe from what an absent one stands for.
+std::vector<LayerLight::Entry> LayerLight::PackRow(const std::vector<Entry>& slices) const {
+  std::vector<uint64_t> words(words_, 0);
+  uint64_t rank = 0;
+  const auto lobes = static_cast<size_t>(lobes_);
+  for (uint32_t column = 0; column < grid_.size(); ++column) {
+    if (column % kWordColumns == 0) words[column / kWordColumns] |= rank << kWordColumns;
+    const Entry* slice = &slices[column * lobes];
+    if (std::all_of(slice, slice + lobes, [&](const Entry& e) { return e == absent_[0]; })) continue;
+    words[column / kWordColumns] |= uint64_t{1} << (column % kWordColumns);
+    ++rank;
+  }
+  std::vector<Entry> row(head_ + rank * lobes);
+  std::memcpy(static_cast<void*>(row.data()), words.data(), words_ * sizeof(uint64_t));
+  Entry* out = row.data() + head_;
+  for (uint32_t column = 0; column < grid_.size(); ++column)
+    if (words[column / kWordColumns] >> (column % kWordColumns) & 1)
+      out = std::copy_n(&slices[column * lobes], lobes, out);
+  return row;
 }
 
 void LayerLight::PackDiffuse(const LayerViews& views) {
   for (uint32_t v = 0; v < domain_.row_count(); ++v)
-    views.diffuse.Row(v).ForEach(
-        [&](uint32_t side, const std::byte* bytes) { diffuse_[2 * size_t{v} + side] = Pack(bytes); });
+    for (uint32_t side = 0; side < 2; ++side)
+      diffuse_[2 * size_t{v} + side] = Pack(views, views.diffuse_slot(), v, side);
 }
 
 // The same code twice: once for any x86-64, once where the processor counts bits and has wide registers; both
@@ -255,7 +300,7 @@ inline void LayerLight::FindRows(const LightQuery& query, Pending* hit) const {
   float total = 0;
   for (const FacetRows::Row& row : facet_rows_.Locate(query.triangle, &weight)) {
     const float w = row.At(weight);
-    if (w <= 0) continue;
+    if (w == 0) continue;
     __builtin_prefetch(&row_[row.row]);
     hit->row[hit->rows] = row.row;
     hit->row_weight[hit->rows++] = w;

@@ -34,8 +34,9 @@ struct HitLight {
 /// what TransferReader answers (interpolation over bake vertices and three directions, Eq. 7), but only in
 /// moments: corners that are too far apart to be averaged are each kept, not grouped. Entries are decoded
 /// once into sixteen bytes that add up with two multiply-adds, all lobes of a (vertex, direction) side by
-/// side; look-ups run in batches whose stages prefetch what the next will read. Memory: 16 bytes a stored
-/// lobe, and 8 bytes for each 48 directions of a bake vertex. Immutable; thread-safe.
+/// side, those that nested tables leave out as well; look-ups run in batches whose stages prefetch what the
+/// next will read. Memory: 16 bytes a stored slice, and 8 bytes for each 48 directions of a bake vertex.
+/// Immutable; thread-safe.
 class LayerLight {
  public:
   /// @param views  null: layer 0 of a scene in which nothing blocks anything
@@ -59,6 +60,7 @@ class LayerLight {
     std::array<uint16_t, 4> linear;
     std::array<int16_t, 3> vector;
     uint16_t strength;
+    bool operator==(const Entry&) const = default;
   };
   struct alignas(32) Triangle {
     std::array<uint32_t, 3> vertex;
@@ -79,8 +81,14 @@ class LayerLight {
 
   void PackSurface();
   void PackRows(const LayerViews& views, int threads);
+  void UnpackRow(const LayerViews& views, uint32_t v, std::vector<Entry>* slices) const;
+  void PredictSlices(const SliceTableView::RowView& row, uint32_t slot, uint32_t v,
+                     std::vector<Entry>* slices) const;
+  static Entry Mean(const Entry& a, const Entry& b);
+  std::vector<Entry> PackRow(const std::vector<Entry>& slices) const;
   void PackDiffuse(const LayerViews& views);
-  Entry Pack(const std::byte* stored) const;
+  /// A slice as one entry, however many lobes it has.
+  Entry Pack(const LayerViews& views, uint32_t slot, uint32_t v, uint32_t column) const;
   void LookWide(std::span<const LightQuery> queries, HitLight* out) const;
   void LookBatches(std::span<const LightQuery> queries, HitLight* out) const;
   void FindRows(const LightQuery& query, Pending* hit) const;
@@ -107,8 +115,8 @@ class LayerLight {
   std::vector<Row> row_;
   std::vector<Entry> absent_;  ///< as many as lobes: what a direction without an entry stands for
   std::vector<uint64_t> empty_row_;
-  std::vector<Entry> packed_;   ///< all rows; their words take up entries, too
-  std::vector<Entry> diffuse_;  ///< [2 row + side]
+  std::vector<std::vector<Entry>> packed_;  ///< of rows; their words take up entries, too
+  std::vector<Entry> diffuse_;              ///< [2 row + side]; empty if nothing is diffuse
 };
 
 }  // namespace glint

@@ -140,17 +140,19 @@ DirectMoments DirectMomentsOf(const PathFan& fan) {
   return {1 - h, (1 - h) * r * glm::dvec3(fan.lobe.mu) + h * (all_mean / leaving - blocked_mean / blocked)};
 }
 
-IndirectMoments IndirectMomentsOf(const PathFan& fan, int layer) {
-  double leaving = 0;
-  IndirectMoments sum;
+IndirectMoments FanLight::Moments() const {
+  if (leaving <= 0) return {};
+  LightGroup mean = samples.total();
+  return (mean *= 1 / leaving).Moments();
+}
+
+FanLight IndirectLightOf(const PathFan& fan, int layer) {
+  FanLight light;
   for (const FanPath& path : fan.paths) {
-    leaving += path.leaves;
-    if (!path.leaves || path.layer != layer) continue;
-    sum.alpha += glm::dvec3(path.beta);
-    sum.moment += static_cast<double>(Luminance(path.beta)) * glm::dvec3(path.escape);
+    light.leaving += path.leaves;
+    if (path.leaves && path.layer == layer) light.samples.Add(path.beta, Luminance(path.beta) * path.escape);
   }
-  if (leaving > 0) sum.alpha /= leaving, sum.moment /= leaving;
-  return sum;
+  return light;
 }
 
 }  // namespace glint

@@ -9,6 +9,7 @@
 #include "common/domain/bake_domain.h"
 #include "common/lobes/slice_sampler.h"
 #include "common/scene/ray_scene.h"
+#include "worker/light_groups.h"
 #include "worker/slice_encoder.h"
 #include "worker/surface_vertices.h"
 
@@ -86,7 +87,14 @@ glm::vec3 SampleCosine(const glm::vec3& normal, const glm::vec2& u);
 /// Moments of a fan's direct light, as gathering takes them: over paths that leave the surface. Nothing is
 /// visible where none does.
 DirectMoments DirectMomentsOf(const PathFan& fan);
-/// Of the light that comes after `layer` further reflections.
-IndirectMoments IndirectMomentsOf(const PathFan& fan, int layer);
+/// Light that comes after `layer` further reflections, and how many paths leave the surface: what it is
+/// relative to.
+struct FanLight {
+  LightSamples samples;
+  double leaving = 0;
+
+  IndirectMoments Moments() const;
+};
+FanLight IndirectLightOf(const PathFan& fan, int layer);
 
 }  // namespace glint

@@ -5,17 +5,21 @@
 #include "worker/shared_gather.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
+#include <span>
 #include <utility>
 
 #include "common/lobes/slice_sampler.h"
 #include "common/lobes/vmf.h"
+#include "worker/angular_refinement.h"
 #include "worker/gather_kernel.h"
 #include "worker/hemisphere_samples.h"
 #include "worker/hit_set.h"
 #include "worker/layer_light.h"
+#include "worker/light_groups.h"
 #include "worker/slice_encoder.h"
 #include "worker/slice_lobes.h"
 
@@ -23,14 +27,36 @@ namespace glint {
 namespace {
 
 constexpr float kLog2E = 1.44269504f;
-constexpr float kCutoff = 6;     ///< a lobe ends where its exponent is -6: 2.5e-3 of its weight lies beyond
-constexpr float kDark = 0.125f;  ///< light below this part of what is dropped is none
+constexpr float kCutoff = 6;       ///< a lobe ends where its exponent is -6: 2.5e-3 of its weight lies beyond
+constexpr float kDark = 0.125f;    ///< light below this part of what is dropped is none
+constexpr float kWidthsApart = 4;  ///< directions at which all slices of a vertex are computed
 constexpr float kKappaPerSample = 0.6f;  ///< a lattice of n samples resolves lobes up to about 0.6 n
+
+/// Level of the directions whose views together see everything: a lobe of this kappa, turning with the mirror
+/// direction, sees up to twice its width 1 / sqrt(kappa) to each side.
+int LevelOfDetail(float kappa) {
+  constexpr float kIcosahedronEdge = 1.1071487f;
+  int level = 0;
+  for (float edge = kIcosahedronEdge; edge * std::sqrt(kappa) > kWidthsApart; edge /= 2) ++level;
+  return level;
+}
 
 /// Buffers of one thread.
 struct Scratch {
   HemisphereSamples samples[2];  ///< front, back
   std::vector<uint16_t> tiles;
+  std::array<std::vector<float>, LightList::kChannels> channels;
+  std::unique_ptr<AngularRefinement> refinement;  ///< of nested grids
+
+  /// An empty list with room for as many samples.
+  LightList List(size_t room) {
+    LightList list{};
+    for (int c = 0; c < LightList::kChannels; ++c) {
+      channels[c].resize(std::max(channels[c].size(), room));
+      list.channel[c] = channels[c].data();
+    }
+    return list;
+  }
 };
 
 /// One side of a vertex, ready to be summed over.
@@ -52,9 +78,11 @@ class SharedGatherer : public Gatherer {
         settings_(settings),
         kernels_(SelectGatherKernels()),
         samplers_(MakeSliceSamplers(input.domain.shapes)),
+        layout_{static_cast<uint32_t>(input.domain.max_lobes()), 1},
         cache_(input_, settings_, memory_bytes) {}
 
   void BeginLayer(int layer, const LayerViews* previous, int threads) override {
+    layout_.slice_lobes = settings_.StoredLobes(layer);
     cache_.Turn();
     light_.reset();
     if (layer > 0)
@@ -63,8 +91,12 @@ class SharedGatherer : public Gatherer {
 
   BlockResult Gather(const GatherBlock& block) override {
     BlockResult result;
-    result.slots.resize(static_cast<size_t>(input_.domain.max_lobes()) + 1);
+    result.slots.resize(layout_.count());
     Scratch scratch;
+    // A block of some directions only is computed as it is told.
+    if (input_.grid.nested() && block.column_step == 1)
+      scratch.refinement = std::make_unique<AngularRefinement>(input_.grid, layout_, light_ == nullptr,
+                                                               settings_.angular_tolerance);
     for (uint32_t v = block.first_vertex; v < block.first_vertex + block.vertices; ++v)
       GatherVertex(v, block, &scratch, &result);
     return result;
@@ -73,15 +105,19 @@ class SharedGatherer : public Gatherer {
  private:
   void GatherVertex(uint32_t v, const GatherBlock& block, Scratch* scratch, BlockResult* result) {
     const bool owns_diffuse = block.first_column == 0;
-    for (size_t slot = 0; slot + 1 < result->slots.size(); ++slot) result->slots[slot].BeginRow();
-    if (owns_diffuse) result->slots.back().BeginRow();
+    for (uint32_t slot = 0; slot < layout_.count(); ++slot)
+      if (owns_diffuse || !layout_.is_diffuse(slot)) result->slots[slot].BeginRow();
     if (!cache_.surface().used(v)) return;
     Side sides[2];
     const BakeVertex vertex = input_.domain.Row(v);
     const int side_count = vertex.double_sided ? 2 : 1;
     for (int s = 0; s < side_count; ++s) {
       sides[s] = PrepareSide(v, s, scratch, owns_diffuse ? &result->counters : nullptr);
-      if (owns_diffuse) GatherDiffuse(vertex.diffuse, s, sides[s], result);
+      if (owns_diffuse) GatherDiffuse(vertex.diffuse, s, sides[s], scratch, result);
+    }
+    if (scratch->refinement) {
+      RefineVertex(vertex.shape, {sides, static_cast<size_t>(side_count)}, block, scratch, result);
+      return;
     }
     for (uint32_t column = block.first_column; column < block.first_column + block.columns;
          column += block.column_step) {
@@ -90,6 +126,23 @@ class SharedGatherer : public Gatherer {
       if (s >= side_count || glm::dot(sides[s].frame.n, wo) <= 0) continue;
       GatherSlices(vertex.shape, column, wo, sides[s], scratch, result);
     }
+  }
+
+  /// Every block of a vertex does all of this, and keeps what is its own.
+  void RefineVertex(uint16_t shape, std::span<const Side> sides, const GatherBlock& block, Scratch* scratch,
+                    BlockResult* result) {
+    const SliceSampler& sampler = samplers_[shape];
+    const float kappa = SharpestKappa(input_.domain.shapes[shape]);
+    AngularRefinement& refinement = *scratch->refinement;
+    refinement.Begin();
+    for (const Side& side : sides) {
+      if (!side.samples->any_active()) continue;
+      refinement.Refine({side.frame.n, sampler.lobes(), LevelOfDetail(kappa), kappa,
+                         [&](uint32_t column, BlockResult* out) {
+                           GatherSlices(shape, column, input_.grid.direction(column), side, scratch, out);
+                         }});
+    }
+    result->counters.slices += refinement.Store(block, result) * static_cast<uint64_t>(sampler.lobes());
   }
 
   Side PrepareSide(uint32_t v, int s, Scratch* scratch, GatherCounters* counters) {
@@ -138,7 +191,7 @@ class SharedGatherer : public Gatherer {
       float& all = side.lobe_weights[column * static_cast<size_t>(input_.domain.max_lobes()) + k];
       if (sunk) {  // no sample of it leaves the surface: what the surface sees is the best that is known
         StoreCosine(side, lobe, 1 - DeltaFromKappa(lobe.resolved_kappa()), static_cast<uint16_t>(column),
-                    &all, &result->slots[k]);
+                    static_cast<uint32_t>(k), &all, scratch, result);
         continue;
       }
       if (!light_) {
@@ -149,13 +202,41 @@ class SharedGatherer : public Gatherer {
         StoreDirect(FitDirect(lobe, moments, settings_.drop), static_cast<uint16_t>(column),
                     &result->slots[k]);
       } else {
+        if (all < 0) {
+          all = SumDirect(side, cone, weight, scratch).all;
+          SelectActive(side, cone, scratch);  // again: there is one list of tiles
+        }
         IndirectSums sums;
         kernels_.indirect_lobe(side.arrays, scratch->tiles.data(), active, weight, &sums);
-        if (all < 0) all = SumDirect(side, cone, weight, scratch).all;
-        StoreIndirect(FitIndirect(lobe, ToMoments(sums, all), settings_.drop), static_cast<uint16_t>(column),
-                      &result->slots[k]);
+        const auto list = [&](LightList* out) {
+          kernels_.list_lobe(side.arrays, scratch->tiles.data(), active, weight, out);
+        };
+        StoreIndirectSlice(lobe, sums, all, static_cast<uint16_t>(column), static_cast<uint32_t>(k), side,
+                           list, scratch, result);
       }
     }
+  }
+
+  /// Stores an indirect slice as the lobes that it is worth.
+  /// @param all   sum of its weights
+  /// @param list  lists its light
+  template <class List>
+  void StoreIndirectSlice(const SliceLobe& lobe, const IndirectSums& sums, float all, uint16_t column,
+                          uint32_t slot, const Side& side, const List& list, Scratch* scratch,
+                          BlockResult* result) const {
+    const IndirectMoments moments = ToMoments(sums, all);
+    const LightGroups groups = SplitLight(kernels_, moments, all, lobe, settings_.read_out(), [&] {
+      LightList light = scratch->List(side.samples->samples());
+      list(&light);
+      return light;
+    });
+    if (groups.size() < 2) {
+      StoreIndirect(FitIndirect(lobe, moments, settings_.drop), column, &result->slots[slot]);
+      return;
+    }
+    for (int g = 0; g < groups.size(); ++g)
+      StoreIndirect(IndirectLobeOf(lobe, groups[g].Moments()), column,
+                    &result->slots[static_cast<uint32_t>(g) * layout_.stride() + slot]);
   }
 
   /// Writes the active tiles that a cone meets to scratch->tiles; returns how many.
@@ -175,29 +256,34 @@ class SharedGatherer : public Gatherer {
     return sums;
   }
 
-  void GatherDiffuse(const glm::vec3& diffuse, int s, const Side& side, BlockResult* result) {
+  void GatherDiffuse(const glm::vec3& diffuse, int s, const Side& side, Scratch* scratch,
+                     BlockResult* result) {
     if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
     ++result->counters.slices;
     if (!side.samples->any_active()) return;
     float& all = side.lobe_weights[input_.grid.size() * static_cast<size_t>(input_.domain.max_lobes())];
-    StoreCosine(side, {side.frame.n, kCosineKappa}, 2.0 / 3, static_cast<uint16_t>(s), &all,
-                &result->slots.back());
+    StoreCosine(side, {side.frame.n, kCosineKappa}, 2.0 / 3, static_cast<uint16_t>(s), layout_.specular, &all,
+                scratch, result);
   }
 
   /// Stores for a lobe what the cosine lobe's sums say.
   /// @param all  of HitSet::lobe_weights
-  void StoreCosine(const Side& side, const SliceLobe& lobe, double mean_cosine, uint16_t column, float* all,
-                   BlockRows* rows) const {
+  void StoreCosine(const Side& side, const SliceLobe& lobe, double mean_cosine, uint16_t column,
+                   uint32_t slot, float* all, Scratch* scratch, BlockResult* result) const {
     if (!light_) {
       const DirectSums sums = SumDirectCosine(side);
       *all = sums.all;
-      StoreDirect(FitDirect(lobe, ToMoments(sums, side, lobe.mu, mean_cosine), settings_.drop), column, rows);
+      StoreDirect(FitDirect(lobe, ToMoments(sums, side, lobe.mu, mean_cosine), settings_.drop), column,
+                  &result->slots[slot]);
     } else {
       const std::vector<uint16_t>& tiles = side.samples->active_tiles();
       IndirectSums sums;
       kernels_.indirect_cosine(side.arrays, tiles.data(), static_cast<int>(tiles.size()), &sums);
       if (*all < 0) *all = SumDirectCosine(side).all;
-      StoreIndirect(FitIndirect(lobe, ToMoments(sums, *all), settings_.drop), column, rows);
+      const auto list = [&](LightList* out) {
+        kernels_.list_cosine(side.arrays, tiles.data(), static_cast<int>(tiles.size()), out);
+      };
+      StoreIndirectSlice(lobe, sums, *all, column, slot, side, list, scratch, result);
     }
   }
 
@@ -234,6 +320,7 @@ class SharedGatherer : public Gatherer {
   const BakeSettings settings_;
   const GatherKernels& kernels_;
   std::vector<SliceSampler> samplers_;  ///< of input_.domain.shapes
+  SlotLayout layout_;                   ///< of this layer
   HitSetCache cache_;
   std::unique_ptr<const LayerLight> light_;  ///< of the layer before; null while layer 0 is gathered
 };

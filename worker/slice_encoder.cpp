@@ -9,16 +9,8 @@
 #include "common/lobes/vmf.h"
 
 namespace glint {
-namespace {
 
-struct MeanLobe {
-  glm::vec3 mu;
-  float kappa;
-};
-
-/// Lobe with first moment `m` and total weight `weight`. A handful of samples can look sharper than they are:
-/// the width never falls below a quarter of the lobe's that weighed them (1 - ||r|| >= 1 / (16 kappa)).
-MeanLobe LobeFromMoment(const glm::dvec3& m, double weight, const SliceLobe& lobe) {
+Vmf LobeOf(const glm::dvec3& m, double weight, const SliceLobe& lobe) {
   const double length = glm::length(m);
   if (length <= 1e-12 * weight) return {lobe.mu, 0};
   const double sharpest = 1.0 / (16.0 * std::max(lobe.resolved_kappa(), 0.0625f));
@@ -26,12 +18,8 @@ MeanLobe LobeFromMoment(const glm::dvec3& m, double weight, const SliceLobe& lob
   return {glm::vec3(m / length), KappaFromDelta(static_cast<float>(delta))};
 }
 
-}  // namespace
-
-std::optional<DirectLobe> FitDirect(const SliceLobe& lobe, const DirectMoments& moments, float drop) {
-  if (moments.visible >= 1 - drop) return std::nullopt;
-  if (moments.visible <= drop) return DirectLobe{.fraction = 0};
-  const MeanLobe mean = LobeFromMoment(moments.mean, moments.visible, lobe);
+DirectLobe DirectLobeOf(const SliceLobe& lobe, const DirectMoments& moments) {
+  const Vmf mean = LobeOf(moments.mean, moments.visible, lobe);
   // What the coarser gathering lobe lost on its edge is narrower in proportion on the real one.
   const float narrowing = std::sqrt(lobe.resolution);
   DirectLobe direct;
@@ -41,11 +29,21 @@ std::optional<DirectLobe> FitDirect(const SliceLobe& lobe, const DirectMoments& 
   return direct;
 }
 
-std::optional<IndirectLobe> FitIndirect(const SliceLobe& lobe, const IndirectMoments& moments, float drop) {
+std::optional<DirectLobe> FitDirect(const SliceLobe& lobe, const DirectMoments& moments, float drop) {
+  if (moments.visible >= 1 - drop) return std::nullopt;
+  if (moments.visible <= drop) return DirectLobe{.fraction = 0};
+  return DirectLobeOf(lobe, moments);
+}
+
+IndirectLobe IndirectLobeOf(const SliceLobe& lobe, const IndirectMoments& moments) {
   const glm::vec3 alpha(moments.alpha);
-  if (std::max({alpha.x, alpha.y, alpha.z}) < drop) return std::nullopt;
-  const MeanLobe mean = LobeFromMoment(moments.moment, Luminance(alpha), lobe);
-  return IndirectLobe{glm::max(alpha, glm::vec3(0)), mean.mu, mean.kappa};
+  const Vmf mean = LobeOf(moments.moment, Luminance(alpha), lobe);
+  return {glm::max(alpha, glm::vec3(0)), mean.mu, mean.kappa};
+}
+
+std::optional<IndirectLobe> FitIndirect(const SliceLobe& lobe, const IndirectMoments& moments, float drop) {
+  if (std::max({moments.alpha.x, moments.alpha.y, moments.alpha.z}) < drop) return std::nullopt;
+  return IndirectLobeOf(lobe, moments);
 }
 
 void StoreDirect(const std::optional<DirectLobe>& lobe, uint16_t column, BlockRows* rows) {

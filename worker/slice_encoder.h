@@ -7,6 +7,7 @@
 
 #include "common/archive/chunk.h"
 #include "common/archive/lobe_codec.h"
+#include "common/lobes/vmf.h"
 
 namespace glint {
 
@@ -31,10 +32,18 @@ struct IndirectMoments {
   glm::dvec3 moment{0};  ///< mean of luminance * ||r|| mu, world
 };
 
-/// The lobe that these moments describe (laurijssen2011 Eq. 3, 9 with the exact kappa), relative to the
-/// unoccluded one. Nothing if blockers change the slice by less than `drop`: it is free.
-std::optional<DirectLobe> FitDirect(const SliceLobe& lobe, const DirectMoments& moments, float drop);
+/// Lobe with first moment `moment` and total weight `weight` > 0. A handful of samples can look sharper than
+/// they are: the width never falls below a quarter of the lobe's that weighed them
+/// (1 - ||r|| >= 1 / (16 kappa)).
+Vmf LobeOf(const glm::dvec3& moment, double weight, const SliceLobe& lobe);
 
+/// The lobe that these moments describe (laurijssen2011 Eq. 3, 9 with the exact kappa), relative to the
+/// unoccluded one; visible > 0.
+DirectLobe DirectLobeOf(const SliceLobe& lobe, const DirectMoments& moments);
+IndirectLobe IndirectLobeOf(const SliceLobe& lobe, const IndirectMoments& moments);
+
+/// A whole slice as one lobe. Nothing if blockers change it by less than `drop`: it is free.
+std::optional<DirectLobe> FitDirect(const SliceLobe& lobe, const DirectMoments& moments, float drop);
 /// Nothing if the slice's light is below `drop`.
 std::optional<IndirectLobe> FitIndirect(const SliceLobe& lobe, const IndirectMoments& moments, float drop);
 

@@ -40,10 +40,11 @@ Clock::duration Seconds(double seconds) {
 /// One bake at work: its runner, and its rounds' manifests as messages name them.
 class BakeAtWork {
  public:
-  static Result<std::unique_ptr<BakeAtWork>> Open(const QueuedBake& bake, const WorkerOptions& options) {
+  static Result<std::unique_ptr<BakeAtWork>> Open(const QueuedBake& bake, const WorkerOptions& options,
+                                                  WorkerMeter* meter) {
     const fs::path folder = options.store / bake.bake.Hex();
     GLINT_ASSIGN_OR_RETURN(BakeRunner runner,
-                           BakeRunner::Open(folder, options.threads, options.memory_bytes));
+                           BakeRunner::Open(folder, options.threads, options.memory_bytes, meter));
     GLINT_ASSIGN_OR_RETURN(ChunkStore store, ChunkStore::Open(folder));
     return std::unique_ptr<BakeAtWork>(new BakeAtWork(bake, folder, std::move(runner), std::move(store)));
   }
@@ -88,8 +89,12 @@ struct Outcome {
 
 class Worker {
  public:
-  Worker(TaskSource* source, const WorkerOptions& options)
-      : source_(*source), options_(options), execution_(ExecutionId()), keeper_(options.on_stuck) {}
+  Worker(TaskSource* source, const WorkerOptions& options, WorkerMeter* meter)
+      : source_(*source),
+        options_(options),
+        meter_(*meter),
+        execution_(ExecutionId()),
+        keeper_(options.on_stuck) {}
 
   WorkerCounts Run() {
     while (!StopRequested()) {
@@ -100,7 +105,7 @@ class Worker {
       }
       Serve();
     }
-    return {computed_, found_, returned_, given_up_};
+    return {meter_.computed, meter_.found, meter_.returned, meter_.given_up};
   }
 
  private:
@@ -139,13 +144,13 @@ class Worker {
   bool Enter(const QueuedBake& bake) {
     if (at_work_ && at_work_->bake().bake == bake.bake) return true;
     at_work_.reset();  // first: memory for one bake
-    Result<std::unique_ptr<BakeAtWork>> opened = BakeAtWork::Open(bake, options_);
+    Result<std::unique_ptr<BakeAtWork>> opened = BakeAtWork::Open(bake, options_, &meter_);
     if (!opened.ok()) {
       Log(LogLevel::kWarning, opened.status().message());
       return false;
     }
     at_work_ = std::move(opened).value();
-    Log(LogLevel::kNote, "at work on bake " + bake.bake.Hex());
+    Log(LogLevel::kNote, "at work on bake " + bake.bake.Hex(), {{"bake_key", bake.bake.Hex()}});
     return true;
   }
 
@@ -166,11 +171,11 @@ class Worker {
     while (subscription.ok() && !StopRequested() && !leave_) {
       Result<std::unique_ptr<TaskLease>> lease = (*subscription)->Fetch(kFetchSeconds);
       if (lease.ok() && *lease) {
-        ++busy_;
+        ++meter_.busy;
         Handle(lease->get());
-        --busy_;
+        --meter_.busy;
         MakeRoomForOthers();
-      } else if (busy_ == 0) {
+      } else if (meter_.busy == 0) {
         return;
       } else if (!lease.ok()) {
         std::this_thread::sleep_for(kIdle);
@@ -186,6 +191,7 @@ class Worker {
   }
 
   void Handle(TaskLease* lease) {
+    if (lease->deliveries() > 1) ++meter_.redelivered;
     const std::shared_ptr<const RoundManifest> round = at_work_->Round(lease->message().manifest);
     if (!round || lease->message().index >= round->blocks.size()) {
       lease->GiveUp();  // of a round that is over
@@ -227,16 +233,18 @@ class Worker {
 
   void Settle(TaskLease* lease, const RoundManifest& round, const Outcome& outcome) {
     if (outcome.status.ok()) {
-      ++(outcome.was_there ? found_ : computed_);
+      ++(outcome.was_there ? meter_.found : meter_.computed);
       lease->Done();
       return;
     }
     const bool environment = outcome.status.kind() == ErrorKind::kIo;
-    Log(LogLevel::kWarning, "task " + std::to_string(lease->message().index) + " of bake " +
-                                at_work_->bake().bake.Hex() + ": " + outcome.status.message() +
-                                (outcome.error_output.empty() ? "" : "; " + outcome.error_output));
+    const std::string task = std::to_string(lease->message().index), bake = at_work_->bake().bake.Hex();
+    Log(LogLevel::kWarning,
+        "task " + task + " of bake " + bake + ": " + outcome.status.message() +
+            (outcome.error_output.empty() ? "" : "; " + outcome.error_output),
+        {{"bake_key", bake}, {"task", task}, {"deliveries", std::to_string(lease->deliveries())}});
     if (!environment && lease->deliveries() >= kLastDelivery && GiveUp(lease, round, outcome)) return;
-    ++returned_;
+    ++meter_.returned;
     lease->Return(environment ? kIoReturnSeconds : kReturnSeconds);
   }
 
@@ -250,7 +258,7 @@ class Worker {
       Log(LogLevel::kWarning, written.message());
       return false;
     }
-    ++given_up_;
+    ++meter_.given_up;
     lease->GiveUp();
     return true;
   }
@@ -258,7 +266,8 @@ class Worker {
   // ---- Messages ----
 
   void TellOnce(const Digest& bake, const std::string& why) {
-    if (told_.insert(bake).second) Log(LogLevel::kNote, "takes no task of bake " + bake.Hex() + ": " + why);
+    if (told_.insert(bake).second)
+      Log(LogLevel::kNote, "takes no task of bake " + bake.Hex() + ": " + why, {{"bake_key", bake.Hex()}});
   }
   void Tell(const Status& queue_status) {
     if (!queue_status.ok() && queue_status.message() != told_status_)
@@ -268,23 +277,23 @@ class Worker {
 
   TaskSource& source_;
   const WorkerOptions options_;
+  WorkerMeter& meter_;
   const std::string execution_;
   std::mt19937 random_{std::random_device{}()};
   LeaseKeeper keeper_;
   std::unique_ptr<BakeAtWork> at_work_;
-  std::atomic<int> busy_{0};
   std::atomic<bool> leave_{false};
   std::mutex list_mutex_;  ///< of what follows, while threads take tasks
   Clock::time_point next_list_;
   std::set<Digest> told_;
   std::string told_status_;
-  std::atomic<uint64_t> computed_{0}, found_{0}, returned_{0}, given_up_{0};
 };
 
 }  // namespace
 
-WorkerCounts RunWorker(TaskSource* source, const WorkerOptions& options) {
-  return Worker(source, options).Run();
+WorkerCounts RunWorker(TaskSource* source, const WorkerOptions& options, WorkerMeter* meter) {
+  WorkerMeter own;
+  return Worker(source, options, meter ? meter : &own).Run();
 }
 
 }  // namespace glint

@@ -7,6 +7,7 @@
 
 #include "common/base/status.h"
 #include "common/queue/task_queue.h"
+#include "worker/worker_meter.h"
 
 namespace glint {
 
@@ -32,6 +33,7 @@ struct WorkerCounts {
 /// what one bake needs in memory at a time. A task that comes for the first time is computed here; one that
 /// comes again, because whoever had it died or failed, in a process of its own; one that fails there and has
 /// come three times is given up, with a record of why (common/round/quarantine.h).
-WorkerCounts RunWorker(TaskSource* source, const WorkerOptions& options);
+/// @param meter  counts while it runs; null: nobody watches
+WorkerCounts RunWorker(TaskSource* source, const WorkerOptions& options, WorkerMeter* meter = nullptr);
 
 }  // namespace glint

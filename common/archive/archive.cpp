@@ -10,14 +10,13 @@
 #include "common/archive/sections.h"
 #include "common/base/files.h"
 #include "common/base/hash.h"
+#include "common/domain/bake_settings.h"
 #include "common/domain/direction_grid.h"
 
 namespace glint {
 namespace {
 
 using namespace archive_format;
-
-uint32_t GridSize(uint32_t level) { return 10 * (1u << (2 * level)) + 2; }
 
 uint32_t LargestLobeCount(const std::vector<BrdfShape>& shapes) {
   int lobes = 0;
@@ -31,7 +30,7 @@ std::span<const std::byte> AsBytes(const std::string& text) { return std::as_byt
 /// the layer's kind of entry.
 Status CheckTable(const SliceTableView& table, const Header& header, uint32_t layer, bool diffuse) {
   if (table.rows() != header.rows) return BadInput("its rows are not the bake vertices");
-  if (table.columns() != (diffuse ? 2 : GridSize(header.grid_level))) {
+  if (table.columns() != (diffuse ? 2 : DirectionGrid::SizeOf(static_cast<int>(header.grid_level)))) {
     return BadInput("its columns are not the directions");
   }
   if (table.entry_bytes() != (layer == 0 ? kDirectEntryBytes : kIndirectEntryBytes)) {
@@ -41,6 +40,20 @@ Status CheckTable(const SliceTableView& table, const Header& header, uint32_t la
 }
 
 // ---- Writing ----
+
+Header MakeHeader(const ArchiveContent& content) {
+  Header header;
+  header.grid_level = static_cast<uint32_t>(content.grid_level);
+  header.base_level = static_cast<uint32_t>(std::min(content.base_level, content.grid_level));
+  header.layers = static_cast<uint32_t>(content.layer_bytes.size());
+  header.slots = LargestLobeCount(content.domain->shapes);
+  header.slice_lobes = static_cast<uint32_t>(content.slice_lobes);
+  header.vertices = content.domain->positions.size();
+  header.triangles = content.domain->triangles.size();
+  header.rows = content.domain->row_count();
+  header.archive_key = content.archive_key;
+  return header;
+}
 
 /// What the domain must be for its archive to open again; a failure is a bug of the caller.
 Status CheckContent(const ArchiveContent& content) {
@@ -60,12 +73,17 @@ Status CheckContent(const ArchiveContent& content) {
     return InternalError("archive: direction level " + std::to_string(content.grid_level) +
                          " is out of range");
   }
+  if (content.base_level < 0) return InternalError("archive: the base level is negative");
   if (content.layer_bytes.size() > kMaxLayers) return LimitExceeded("archive: more than 256 layers");
-  for (const auto& layer : content.layer_bytes) {
-    if (layer.size() != LargestLobeCount(d.shapes) + size_t{1}) {
-      return InternalError("archive: a layer has " + std::to_string(layer.size()) +
-                           " tables, the shapes need " + std::to_string(LargestLobeCount(d.shapes)) +
-                           " and a diffuse one");
+  if (content.slice_lobes < 1 || content.slice_lobes > kMaxSliceLobes) {
+    return InternalError("archive: " + std::to_string(content.slice_lobes) + " lobes a slice");
+  }
+  const Header header = MakeHeader(content);
+  for (uint32_t layer = 0; layer < header.layers; ++layer) {
+    if (content.layer_bytes[layer].size() != header.tables(layer)) {
+      return InternalError("archive: layer " + std::to_string(layer) + " has " +
+                           std::to_string(content.layer_bytes[layer].size()) + " tables, not " +
+                           std::to_string(header.tables(layer)));
     }
   }
   return {};
@@ -104,25 +122,13 @@ class SectionWriter {
   std::vector<Section> sections_;
 };
 
-Header MakeHeader(const ArchiveContent& content) {
-  Header header;
-  header.grid_level = static_cast<uint32_t>(content.grid_level);
-  header.layers = static_cast<uint32_t>(content.layer_bytes.size());
-  header.slots = LargestLobeCount(content.domain->shapes);
-  header.vertices = content.domain->positions.size();
-  header.triangles = content.domain->triangles.size();
-  header.rows = content.domain->row_count();
-  header.archive_key = content.archive_key;
-  return header;
-}
-
 Status WriteTables(const ArchiveContent& content, const Header& header, SectionWriter* out) {
   for (uint32_t layer = 0; layer < header.layers; ++layer) {
-    for (uint32_t slot = 0; slot <= header.slots; ++slot) {
+    for (uint32_t slot = 0; slot < header.tables(layer); ++slot) {
       const std::span<const std::byte> bytes = content.layer_bytes[layer][slot];
       const auto table = SliceTableView::Parse(bytes);
       const Status status =
-          table.ok() ? CheckTable(*table, header, layer, slot == header.slots) : table.status();
+          table.ok() ? CheckTable(*table, header, layer, header.is_diffuse(slot)) : table.status();
       if (!status.ok()) {
         return InternalError("archive: table " + std::to_string(layer) + "/" + std::to_string(slot) + ": " +
                              status.message());
@@ -200,7 +206,7 @@ Status Archive::Impl::Read(bool verify_checksums) {
   GLINT_ASSIGN_OR_RETURN(const std::vector<Section> sections, DecodeFooter(bytes));
   GLINT_RETURN_IF_ERROR(CheckSectionList(sections));
   layers.resize(header.layers);
-  for (LayerViews& layer : layers) layer.specular.resize(header.slots);
+  for (LayerViews& layer : layers) layer.nested = header.base_level < header.grid_level;
   for (const Section& section : sections) {
     if (verify_checksums && Checksum64(Stored(section)) != section.checksum) {
       return SectionError(section,
@@ -216,16 +222,17 @@ Status Archive::Impl::Read(bool verify_checksums) {
 }
 
 Status Archive::Impl::CheckSectionList(const std::vector<Section>& sections) const {
-  const size_t fixed = std::size(kFixedSections), per_layer = header.slots + size_t{1};
-  if (sections.size() != fixed + header.layers * per_layer) {
+  std::vector<Section> expected;
+  for (const auto& [kind, codec] : kFixedSections) expected.push_back({.kind = kind, .codec = codec});
+  for (uint32_t layer = 0; layer < header.layers; ++layer)
+    for (uint32_t slot = 0; slot < header.tables(layer); ++slot)
+      expected.push_back({Kind::kTable, Codec::kRaw, layer, slot});
+  if (sections.size() != expected.size()) {
     return BadInput("footer: wrong number of sections; bake it again");
   }
   for (size_t i = 0; i < sections.size(); ++i) {
-    const Section& s = sections[i];
-    const auto [kind, codec] = i < fixed ? kFixedSections[i] : std::pair(Kind::kTable, Codec::kRaw);
-    const size_t layer = i < fixed ? 0 : (i - fixed) / per_layer,
-                 slot = i < fixed ? 0 : (i - fixed) % per_layer;
-    if (s.kind != kind || s.codec != codec || s.layer != layer || s.slot != slot) {
+    const Section &s = sections[i], &e = expected[i];
+    if (s.kind != e.kind || s.codec != e.codec || s.layer != e.layer || s.slot != e.slot) {
       return BadInput("footer: section " + s.Name() + " is out of order; bake it again");
     }
   }
@@ -281,10 +288,9 @@ Status Archive::Impl::ReadCompressed(const Section& section) {
 Status Archive::Impl::ReadTable(const Section& section) {
   if (section.raw_bytes != section.stored_bytes) return BadInput("wrong raw size");
   GLINT_ASSIGN_OR_RETURN(const SliceTableView table, SliceTableView::Parse(Stored(section)));
-  const bool diffuse = section.slot == header.slots;
+  const bool diffuse = header.is_diffuse(section.slot);
   GLINT_RETURN_IF_ERROR(CheckTable(table, header, section.layer, diffuse));
-  LayerViews& layer = layers[section.layer];
-  (diffuse ? layer.diffuse : layer.specular[section.slot]) = table;
+  layers[section.layer].Add(section.slot / (header.slots + 1), diffuse, table);
   return {};
 }
 
@@ -311,6 +317,9 @@ Result<Archive> Archive::FromMemory(std::span<const std::byte> bytes, const std:
 
 const BakeDomain& Archive::domain() const { return impl_->domain; }
 int Archive::grid_level() const { return static_cast<int>(impl_->header.grid_level); }
+DirectionGrid Archive::MakeGrid() const {
+  return DirectionGrid(grid_level(), static_cast<int>(impl_->header.base_level));
+}
 const std::vector<LayerViews>& Archive::layers() const { return impl_->layers; }
 const std::vector<Camera>& Archive::cameras() const { return impl_->cameras; }
 const std::string& Archive::report_json() const { return impl_->report_json; }

@@ -68,20 +68,20 @@ std::vector<std::byte> SerializeBlock(const BlockResult& result) {
   return out;
 }
 
-Result<BlockResult> ParseBlock(std::span<const std::byte> bytes, const GatherBlock& block, uint32_t slots,
-                               uint32_t entry_bytes) {
+Result<BlockResult> ParseBlock(std::span<const std::byte> bytes, const GatherBlock& block,
+                               const SlotLayout& layout, uint32_t entry_bytes) {
   Reader reader(bytes);
   BlockResult result;
   uint32_t stored_slots = 0;
   reader.Read(&result.counters.rays, 1);
   reader.Read(&result.counters.slices, 1);
-  if (!reader.Read(&stored_slots, 1) || stored_slots != slots) return Damaged("number of tables");
-  for (uint32_t slot = 0; slot < slots; ++slot) {
+  if (!reader.Read(&stored_slots, 1) || stored_slots != layout.count()) return Damaged("number of tables");
+  for (uint32_t slot = 0; slot < layout.count(); ++slot) {
     uint32_t sizes[2] = {};
     if (!reader.Read(sizes, 2)) return Damaged("too short");
     // The view-independent table, one column a side, goes with the block that has column 0; elsewhere it has
     // no rows.
-    const bool diffuse = slot + 1 == slots;
+    const bool diffuse = layout.is_diffuse(slot);
     const uint32_t rows_expected = diffuse && block.first_column > 0 ? 0 : block.vertices;
     if (sizes[0] != rows_expected) return Damaged("number of rows");
     if (uint64_t{sizes[1]} * (entry_bytes + 2) > reader.left()) return Damaged("too short");

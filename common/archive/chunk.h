@@ -40,17 +40,26 @@ struct GatherCounters {
   }
 };
 
-/// A task's result: one BlockRows per specular slot, then the diffuse one.
+/// A task's result: one BlockRows per specular slot, then the diffuse one; then the same for the second lobes
+/// of slices, and so on.
 struct BlockResult {
   std::vector<BlockRows> slots;
   GatherCounters counters;
 };
 
+/// How a layer's tables are counted: `specular` slots and a diffuse one for each of `slice_lobes` lobes.
+struct SlotLayout {
+  uint32_t specular = 0, slice_lobes = 1;
+
+  uint32_t stride() const { return specular + 1; }
+  uint32_t count() const { return stride() * slice_lobes; }
+  bool is_diffuse(uint32_t slot) const { return slot % stride() == specular; }
+};
+
 /// Bytes of a chunk's payload (docs/archive-format.md, "Chunks").
 std::vector<std::byte> SerializeBlock(const BlockResult& result);
-/// Checks sizes, counts and columns against the block: `slots` tables, the last one diffuse, entries of
-/// `entry_bytes`. kBadInput.
-Result<BlockResult> ParseBlock(std::span<const std::byte> bytes, const GatherBlock& block, uint32_t slots,
-                               uint32_t entry_bytes);
+/// Checks sizes, counts and columns against the block and the layout; entries of `entry_bytes`. kBadInput.
+Result<BlockResult> ParseBlock(std::span<const std::byte> bytes, const GatherBlock& block,
+                               const SlotLayout& layout, uint32_t entry_bytes);
 
 }  // namespace glint

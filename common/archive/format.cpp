@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "common/domain/bake_settings.h"
 #include "common/domain/direction_grid.h"
 #include "common/lobes/brdf_table.h"
 
@@ -106,10 +107,12 @@ std::array<std::byte, kHeaderBytes> EncodeHeader(const Header& header) {
   Put(at + 16, header.grid_level);
   Put(at + 20, header.layers);
   Put(at + 24, header.slots);
+  Put(at + 28, header.slice_lobes);
   Put(at + 32, header.vertices);
   Put(at + 40, header.triangles);
   std::memcpy(at + 48, header.archive_key.bytes.data(), header.archive_key.bytes.size());
-  Put(at + 80, header.rows);
+  Put(at + 80, header.base_level);
+  Put(at + 88, header.rows);
   Put(at + kHeaderChecksumOffset, Checksum64({at, kHeaderChecksumOffset}));
   return out;
 }
@@ -132,16 +135,19 @@ Result<Header> DecodeHeader(std::span<const std::byte> file) {
   header.grid_level = Get<uint32_t>(at + 16);
   header.layers = Get<uint32_t>(at + 20);
   header.slots = Get<uint32_t>(at + 24);
+  header.slice_lobes = Get<uint32_t>(at + 28);
   header.vertices = Get<uint64_t>(at + 32);
   header.triangles = Get<uint64_t>(at + 40);
   std::memcpy(header.archive_key.bytes.data(), at + 48, header.archive_key.bytes.size());
-  header.rows = Get<uint64_t>(at + 80);
-  if (Get<uint32_t>(at + 12) != kHeaderBytes || !AllZero({at + 28, 4}) || !AllZero({at + 88, 32})) {
+  header.base_level = Get<uint32_t>(at + 80);
+  header.rows = Get<uint64_t>(at + 88);
+  if (Get<uint32_t>(at + 12) != kHeaderBytes || !AllZero({at + 84, 4}) || !AllZero({at + 96, 24})) {
     return BadInput("header: reserved bytes are set; a newer Glint may read it");
   }
-  if (header.grid_level > DirectionGrid::kMaxLevel || header.layers > kMaxLayers ||
-      header.slots > static_cast<uint32_t>(kMaxBrdfLobes) || header.vertices > kMaxVertices ||
-      header.triangles > kMaxTriangles || header.rows > kMaxVertices) {
+  if (header.grid_level > DirectionGrid::kMaxLevel || header.base_level > header.grid_level ||
+      header.layers > kMaxLayers || header.slots > static_cast<uint32_t>(kMaxBrdfLobes) ||
+      header.slice_lobes < 1 || header.slice_lobes > static_cast<uint32_t>(kMaxSliceLobes) ||
+      header.vertices > kMaxVertices || header.triangles > kMaxTriangles || header.rows > kMaxVertices) {
     return BadInput("header: a count is out of range; bake it again");
   }
   return header;

@@ -17,7 +17,7 @@ namespace glint::archive_format {
 
 inline constexpr std::array<char, 8> kMagic = {'G', 'L', 'I', 'N', 'T', '\r', '\n', '\x1a'};
 inline constexpr std::array<char, 8> kEndMagic = {'G', 'L', 'I', 'N', 'T', 'E', 'N', 'D'};
-inline constexpr uint32_t kVersion = 2;
+inline constexpr uint32_t kVersion = 4;
 
 inline constexpr uint64_t kHeaderBytes = 128;
 inline constexpr uint64_t kVersionOffset = 8;           ///< in the header
@@ -26,7 +26,7 @@ inline constexpr uint64_t kRecordBytes = 64;            ///< one section's recor
 inline constexpr uint64_t kTailBytes = 64;              ///< the file's last bytes
 inline constexpr uint64_t kAlignment = 64;
 
-inline constexpr uint32_t kMaxSections = 4096;
+inline constexpr uint32_t kMaxSections = 8192;
 inline constexpr uint32_t kMaxLayers = 256;
 inline constexpr uint64_t kMaxVertices = 64'000'000;
 inline constexpr uint64_t kMaxTriangles = 128'000'000;
@@ -46,11 +46,17 @@ enum class Codec : uint32_t { kRaw = 0, kZstd = 1, kDraco = 2 };
 
 /// What precedes the sections.
 struct Header {
-  uint32_t grid_level = 0;
+  uint32_t grid_level = 0, base_level = 0;
   uint32_t layers = 0;
   uint32_t slots = 0;  ///< specular tables of each layer; one diffuse table follows them
+  uint32_t slice_lobes =
+      1;  ///< sets of such tables of layers above 0: first lobes of the slices, second, ...
   uint64_t vertices = 0, triangles = 0, rows = 0;
   Digest archive_key;
+
+  /// Tables of a layer: for each lobe of a slice, the specular slots', then the diffuse one.
+  uint32_t tables(uint32_t layer) const { return (slots + 1) * (layer == 0 ? 1 : slice_lobes); }
+  bool is_diffuse(uint32_t table) const { return table % (slots + 1) == slots; }
 };
 
 /// One section's record in the footer.

@@ -1,5 +1,6 @@
 // Sparse tables of slices: the row displacement of laurijssen2011 section 6.2 (classic form), and the same
-// without holes, where a bitmap with ranks replaces both the owner tags and the offsets (compact form).
+// without holes, where a bitmap with ranks replaces both the owner tags and the offsets (compact form; with a
+// bitmap for every 64 columns: segmented form).
 // Bytes: docs/archive-format.md.
 #include "common/archive/slice_table.h"
 
@@ -33,6 +34,11 @@ enum HeaderField : uint32_t {
   kAtTotalBytes = 56,
 };
 
+/// Bitmaps of one row.
+uint32_t SegmentsOf(TableForm form, uint32_t columns) {
+  return form == TableForm::kSegmented ? (columns + kSegmentColumns - 1) / kSegmentColumns : 1;
+}
+
 uint64_t Align64(uint64_t n) { return (n + 63) & ~uint64_t{63}; }
 
 template <class T>
@@ -44,7 +50,8 @@ bool AllZero(std::span<const std::byte> bytes) {
   return std::all_of(bytes.begin(), bytes.end(), [](std::byte b) { return b == std::byte{0}; });
 }
 
-/// Where a table's parts lie. All sums fit: rows < 2^32, columns <= 2^16, entries < 2^37, slots <= 2^40.
+/// Where a table's parts lie. All sums fit: rows < 2^32, segments <= 2^10, columns <= 2^16, entries < 2^37,
+/// slots <= 2^40.
 struct Layout {
   uint64_t row_index = kHeaderBytes, row_index_bytes = 0;
   uint64_t lines = 0, line_bytes = 0;
@@ -63,6 +70,7 @@ Layout Place(uint64_t row_index_bytes, uint64_t line_bytes, uint64_t slot_bytes)
   return layout;
 }
 
+/// @param rows, columns, stored_rows  of segments
 Layout CompactLayout(uint64_t rows, uint64_t columns, uint64_t entry_bytes, uint64_t entries,
                      uint64_t stored_rows) {
   const uint64_t lines = (stored_rows * columns + kLineBits - 1) / kLineBits;
@@ -108,7 +116,7 @@ Result<SliceTableView> SliceTableView::Parse(std::span<const std::byte> bytes) {
   const std::byte* head = bytes.data();
   if (Load<uint32_t>(head + kAtMagic) != kTableMagic) return Damaged("wrong magic number");
   const uint32_t form = Load<uint32_t>(head + kAtForm);
-  if (form > static_cast<uint32_t>(TableForm::kCompact)) return Damaged("unknown form");
+  if (form > static_cast<uint32_t>(TableForm::kSegmented)) return Damaged("unknown form");
   SliceTableView view;
   view.form_ = static_cast<TableForm>(form);
   view.rows_ = Load<uint32_t>(head + kAtRows);
@@ -121,39 +129,61 @@ Result<SliceTableView> SliceTableView::Parse(std::span<const std::byte> bytes) {
   if (view.columns_ == 0 || view.columns_ > kMaxColumns) return Damaged("column count out of range");
   if (view.entry_bytes_ == 0 || view.entry_bytes_ > kMaxEntryBytes) return Damaged("entry size out of range");
   if (view.entries_ >= kMaxEntries || view.slots_ > kMaxSlots) return Damaged("entry count out of range");
-  if (view.stored_rows_ > view.rows_) return Damaged("more stored rows than rows");
+  view.segments_ = SegmentsOf(view.form_, view.columns_);
+  view.segment_columns_ = view.form_ == TableForm::kSegmented ? kSegmentColumns : view.columns_;
+  if (view.stored_rows_ > uint64_t{view.rows_} * view.segments_) return Damaged("more stored rows than rows");
   if (!AllZero(bytes.subspan(20, 4)) || !AllZero(bytes.subspan(48, 8)))
     return Damaged("reserved bytes are set");
   if (view.total_bytes_ != bytes.size()) return Damaged("size does not match its header");
-  GLINT_RETURN_IF_ERROR(view.form_ == TableForm::kCompact ? view.ParseCompact(bytes)
-                                                          : view.ParseClassic(bytes));
+  GLINT_RETURN_IF_ERROR(view.form_ == TableForm::kClassic ? view.ParseClassic(bytes)
+                                                          : view.ParseCompact(bytes));
   return view;
 }
 
 Status SliceTableView::ParseCompact(std::span<const std::byte> bytes) {
-  const Layout layout = CompactLayout(rows_, columns_, entry_bytes_, entries_, stored_rows_);
+  const Layout layout =
+      CompactLayout(uint64_t{rows_} * segments_, segment_columns_, entry_bytes_, entries_, stored_rows_);
   if (layout.total != bytes.size()) return Damaged("size does not match its counts");
   if (slots_ != entries_) return Damaged("compact form with holes");
   if (!GapsAreZero(bytes, layout)) return Damaged("padding is not zero");
   row_index_ = bytes.data() + layout.row_index;
   lines_ = bytes.data() + layout.lines;
   slots_begin_ = bytes.data() + layout.slots;
-  return CheckRanks();
+  GLINT_RETURN_IF_ERROR(CheckRanks());
+  return CheckLastSegments();
+}
+
+/// A row's last segment has bits for its columns only.
+Status SliceTableView::CheckLastSegments() const {
+  const uint32_t spare = segments_ * segment_columns_ - columns_;
+  if (spare == 0) return {};
+  for (uint64_t row = 0; row < rows_; ++row) {
+    const uint64_t segment = row * segments_ + segments_ - 1;
+    const std::byte* record = row_index_ + (segment >> 6) * kRowRecordBytes;
+    const uint64_t stored = Load<uint64_t>(record), bit = uint64_t{1} << (segment & 63);
+    if ((stored & bit) == 0) continue;
+    const uint64_t rank = Load<uint64_t>(record + 8) + CountPair(stored & (bit - 1), 0);
+    const uint64_t end = (rank + 1) * segment_columns_;
+    if (RankAt(end) != RankAt(end - spare)) return Damaged("bits beyond a row's last column");
+  }
+  return {};
 }
 
 Status SliceTableView::CheckRanks() const {
   uint64_t stored = 0;
-  for (uint64_t record = 0; record < (uint64_t{rows_} + 63) / 64; ++record) {
+  const uint64_t segments = uint64_t{rows_} * segments_;
+  for (uint64_t record = 0; record < (segments + 63) / 64; ++record) {
     const std::byte* p = row_index_ + record * kRowRecordBytes;
     const uint64_t bits = Load<uint64_t>(p);
     if (Load<uint64_t>(p + 8) != stored) return Damaged("row ranks are inconsistent");
-    const uint64_t rows_here = std::min<uint64_t>(64, rows_ - record * 64);
+    const uint64_t rows_here = std::min<uint64_t>(64, segments - record * 64);
     if (rows_here < 64 && (bits >> rows_here) != 0) return Damaged("rows beyond the last");
     stored += CountPair(bits, 0);
   }
   if (stored != stored_rows_) return Damaged("row count is inconsistent");
 
-  const uint64_t bit_count = stored_rows_ * columns_, line_count = (bit_count + kLineBits - 1) / kLineBits;
+  const uint64_t bit_count = stored_rows_ * segment_columns_,
+                 line_count = (bit_count + kLineBits - 1) / kLineBits;
   uint64_t rank = 0;
   for (uint64_t line = 0; line < line_count; ++line) {
     const std::byte* p = lines_ + line * kLineBytes;
@@ -174,7 +204,7 @@ Status SliceTableView::CheckRanks() const {
 
   uint64_t begin = 0;
   for (uint64_t row = 1; row <= stored_rows_; ++row) {
-    const uint64_t end = RankAt(row * columns_);
+    const uint64_t end = RankAt(row * segment_columns_);
     if (end == begin) return Damaged("a stored row is empty");
     begin = end;
   }
@@ -183,7 +213,7 @@ Status SliceTableView::CheckRanks() const {
 
 /// Entries before `bit`, which is at most the number of bits.
 uint64_t SliceTableView::RankAt(uint64_t bit) const {
-  if (bit == stored_rows_ * columns_) return entries_;
+  if (bit == stored_rows_ * segment_columns_) return entries_;
   const uint64_t word = bit >> 6, line = word / kLineWords, in_line = word - line * kLineWords;
   const std::byte* p = lines_ + line * kLineBytes;
   uint64_t rank = Load<uint64_t>(p) & (kMaxEntries - 1);
@@ -237,6 +267,34 @@ double SliceTableView::fill() const {
 // ---- Building
 // ------------------------------------------------------------------------------------------------------
 
+namespace {
+
+/// Fills in, behind each record's bits, how many are set before them.
+void StoreRecordRanks(const Layout& layout, std::byte* table) {
+  uint64_t rank = 0;
+  for (uint64_t at = layout.row_index; at < layout.row_index + layout.row_index_bytes;
+       at += kRowRecordBytes) {
+    Store(table + at + 8, rank);
+    rank += CountPair(Load<uint64_t>(table + at), 0);
+  }
+}
+
+/// Fills in the heads of the rank lines.
+void StoreLineRanks(const Layout& layout, std::byte* table) {
+  uint64_t rank = 0;
+  for (uint64_t at = layout.lines; at < layout.lines + layout.line_bytes; at += kLineBytes) {
+    uint64_t head = rank, in_line = 0;
+    for (uint32_t word = 0; word < kLineWords; ++word) {
+      if (word == 2 || word == 4 || word == 6) head |= in_line << (kRankBits + kPairBits * (word / 2 - 1));
+      in_line += CountPair(Load<uint64_t>(table + at + 8 + 8 * word), 0);
+    }
+    Store(table + at, head);
+    rank += in_line;
+  }
+}
+
+}  // namespace
+
 SliceTableBuilder::SliceTableBuilder(uint32_t rows, uint32_t columns, uint32_t entry_bytes)
     : rows_(rows), columns_(columns), entry_bytes_(entry_bytes) {
   assert(columns >= 1 && columns <= kMaxColumns && entry_bytes >= 1 && entry_bytes <= kMaxEntryBytes);
@@ -259,44 +317,52 @@ void SliceTableBuilder::AppendRow(std::span<const uint16_t> columns, std::span<c
 }
 
 std::vector<std::byte> SliceTableBuilder::Finish(TableForm form) const {
-  return form == TableForm::kCompact ? FinishCompact() : FinishClassic();
+  return form == TableForm::kClassic ? FinishClassic() : FinishCompact(form);
 }
 
-std::vector<std::byte> SliceTableBuilder::FinishCompact() const {
-  const uint64_t entries = row_columns_.size();
+/// Calls visit(segment, columns) for every segment that has entries, in order; columns are the row's.
+template <class Visit>
+void SliceTableBuilder::ForEachSegment(TableForm form, const Visit& visit) const {
+  const uint64_t segments = SegmentsOf(form, columns_);
+  const uint32_t width = form == TableForm::kSegmented ? kSegmentColumns : columns_;
+  for (uint32_t row = 0; row < appended_rows(); ++row) {
+    std::span<const uint16_t> rest = RowColumns(row);
+    while (!rest.empty()) {
+      const uint32_t segment = rest.front() / width;
+      size_t count = 1;
+      while (count < rest.size() && rest[count] / width == segment) ++count;
+      visit(row * segments + segment, rest.first(count));
+      rest = rest.subspan(count);
+    }
+  }
+}
+
+std::vector<std::byte> SliceTableBuilder::FinishCompact(TableForm form) const {
+  const uint64_t entries = row_columns_.size(), segments = uint64_t{rows_} * SegmentsOf(form, columns_);
+  const uint32_t width = form == TableForm::kSegmented ? kSegmentColumns : columns_;
   assert(entries < kMaxEntries);
-  uint64_t stored_rows = 0;
-  for (uint32_t row = 0; row < appended_rows(); ++row) stored_rows += row_start_[row + 1] > row_start_[row];
-  const Layout layout = CompactLayout(rows_, columns_, entry_bytes_, entries, stored_rows);
+  uint64_t stored_segments = 0;
+  ForEachSegment(form, [&](uint64_t, std::span<const uint16_t>) { ++stored_segments; });
+  const Layout layout = CompactLayout(segments, width, entry_bytes_, entries, stored_segments);
   std::vector<std::byte> out(layout.total);
-  StoreHeader(out.data(), TableForm::kCompact, rows_, columns_, entry_bytes_, entries, entries, stored_rows,
+  StoreHeader(out.data(), form, rows_, columns_, entry_bytes_, entries, entries, stored_segments,
               layout.total);
 
   const auto set_bit = [](std::byte* word, uint64_t bit) {
     Store(word, Load<uint64_t>(word) | (uint64_t{1} << (bit & 63)));
   };
   uint64_t stored = 0;
-  for (uint32_t row = 0; row < rows_; ++row) {
-    std::byte* record = out.data() + layout.row_index + uint64_t{row >> 6} * kRowRecordBytes;
-    if ((row & 63) == 0) Store(record + 8, stored);
-    if (row >= appended_rows() || row_start_[row + 1] == row_start_[row]) continue;
-    set_bit(record, row);
-    for (const uint16_t column : RowColumns(row)) {
-      const uint64_t position = stored * columns_ + column, word = position >> 6, line = word / kLineWords;
+  ForEachSegment(form, [&](uint64_t segment, std::span<const uint16_t> columns) {
+    set_bit(out.data() + layout.row_index + (segment >> 6) * kRowRecordBytes, segment);
+    for (const uint16_t column : columns) {
+      const uint64_t position = stored * width + column % width, word = position >> 6,
+                     line = word / kLineWords;
       set_bit(out.data() + layout.lines + line * kLineBytes + 8 + 8 * (word - line * kLineWords), position);
     }
     ++stored;
-  }
-  uint64_t rank = 0;
-  for (uint64_t at = layout.lines; at < layout.lines + layout.line_bytes; at += kLineBytes) {
-    uint64_t head = rank, in_line = 0;
-    for (uint32_t word = 0; word < kLineWords; ++word) {
-      if (word == 2 || word == 4 || word == 6) head |= in_line << (kRankBits + kPairBits * (word / 2 - 1));
-      in_line += CountPair(Load<uint64_t>(out.data() + at + 8 + 8 * word), 0);
-    }
-    Store(out.data() + at, head);
-    rank += in_line;
-  }
+  });
+  StoreRecordRanks(layout, out.data());
+  StoreLineRanks(layout, out.data());
   std::copy(entries_.begin(), entries_.end(), out.begin() + static_cast<ptrdiff_t>(layout.slots));
   return out;
 }

@@ -17,7 +17,9 @@ namespace glint {
 ///   H.
 ///             The bitmaps of the rows that are not empty follow one another, and a rank directory shares
 ///             their cache lines, so that O[i] + rank_i(j) is one rank over all of them and O is not stored.
-enum class TableForm : uint8_t { kClassic = 0, kCompact = 1 };
+///   kSegmented  kCompact with every 64 columns of a row as a row of its own: what a row has nothing of costs
+///             two bits in place of 64. For rows whose entries lie together, with wide gaps between.
+enum class TableForm : uint8_t { kClassic = 0, kCompact = 1, kSegmented = 2 };
 
 /// The form that the bake writes: its index is some 30 times smaller, it is built 8 times faster, and H has
 /// no holes; a present entry that no cache holds costs one line more (docs/archive-format.md has the
@@ -34,6 +36,7 @@ inline constexpr uint32_t kLineBits = 64 * kLineWords;
 inline constexpr uint32_t kRankBits = 37;  ///< of the head: entries before the line
 inline constexpr uint32_t kPairBits = 9;   ///< of the head, three times: entries before words 2, 4 and 6
 inline constexpr uint32_t kRowRecordBytes = 16;  ///< 64 rows: their not-empty bits, and such rows before them
+inline constexpr uint32_t kSegmentColumns = 64;  ///< of the segmented form
 inline constexpr uint32_t kTagBytes = 4;
 inline constexpr uint32_t kNoOwner = 0xFFFFFFFFu;
 
@@ -85,12 +88,15 @@ class SliceTableView {
   Status ParseCompact(std::span<const std::byte> bytes);
   Status ParseClassic(std::span<const std::byte> bytes);
   Status CheckRanks() const;
+  Status CheckLastSegments() const;
   uint64_t RankAt(uint64_t bit) const;
 
   TableForm form_ = TableForm::kCompact;
   uint32_t rows_ = 0, columns_ = 0, entry_bytes_ = 0;
+  /// A row's segments, each with a bitmap of its own; compact: the whole row is one.
+  uint32_t segments_ = 1, segment_columns_ = 0;
   uint64_t entries_ = 0, slots_ = 0, stored_rows_ = 0, total_bytes_ = 0;
-  const std::byte* row_index_ = nullptr;    ///< compact: row records; classic: u64 O[i]
+  const std::byte* row_index_ = nullptr;    ///< compact: records of segments; classic: u64 O[i]
   const std::byte* lines_ = nullptr;        ///< compact: rank lines
   const std::byte* slots_begin_ = nullptr;  ///< H
 };
@@ -98,7 +104,7 @@ class SliceTableView {
 /// One row of a table; valid while the table's bytes are.
 class SliceTableView::RowView {
  public:
-  bool empty() const { return empty_; }
+  bool empty() const { return empty_; }  ///< no entry is stored
   /// Entry of `column` < columns(), or nullptr when absent.
   const std::byte* Find(uint32_t column) const;
   /// Calls visit(column, entry) for every stored entry, columns ascending.
@@ -107,12 +113,16 @@ class SliceTableView::RowView {
 
  private:
   friend class SliceTableView;
-  const std::byte* FindCompact(uint32_t column) const;
+  const std::byte* FindBit(uint64_t position) const;
+  const std::byte* FindSegmented(uint32_t column) const;
   const std::byte* FindClassic(uint32_t column) const;
+  bool AnySegment(uint32_t count) const;
+  bool SegmentEmpty(uint32_t segment) const;
 
-  const std::byte* lines_ = nullptr;  ///< null: classic
+  const std::byte* lines_ = nullptr;    ///< null: classic
+  const std::byte* records_ = nullptr;  ///< segmented: of segments
   const std::byte* slots_ = nullptr;
-  uint64_t start_ = 0;  ///< compact: bit of column 0; classic: O[i]
+  uint64_t start_ = 0;  ///< compact: bit of column 0; segmented: first segment; classic: O[i]
   uint32_t entry_bytes_ = 0, columns_ = 0, row_ = 0;
   bool empty_ = true;
 };
@@ -131,7 +141,9 @@ class SliceTableBuilder {
   std::vector<std::byte> Finish(TableForm form = kDefaultTableForm) const;
 
  private:
-  std::vector<std::byte> FinishCompact() const;
+  template <class Visit>
+  void ForEachSegment(TableForm form, const Visit& visit) const;
+  std::vector<std::byte> FinishCompact(TableForm form) const;
   std::vector<std::byte> FinishClassic() const;
   std::span<const uint16_t> RowColumns(uint32_t row) const {
     return {row_columns_.data() + row_start_[row], row_columns_.data() + row_start_[row + 1]};
@@ -159,6 +171,11 @@ inline SliceTableView::RowView SliceTableView::Row(uint32_t row) const {
     view.lines_ = lines_;
     view.empty_ = (stored & bit) == 0;
     view.start_ = (Load<uint64_t>(record + 8) + CountPair(stored & (bit - 1), 0)) * columns_;
+  } else if (form_ == TableForm::kSegmented) {
+    view.lines_ = lines_;
+    view.records_ = row_index_;
+    view.start_ = uint64_t{row} * segments_;
+    view.empty_ = !view.AnySegment(segments_);
   } else {
     view.start_ = Load<uint64_t>(row_index_ + uint64_t{row} * 8);
     view.empty_ = view.start_ == ~uint64_t{0};
@@ -166,9 +183,37 @@ inline SliceTableView::RowView SliceTableView::Row(uint32_t row) const {
   return view;
 }
 
-inline const std::byte* SliceTableView::RowView::FindCompact(uint32_t column) const {
+/// Whether any of the row's `count` segments has an entry.
+inline bool SliceTableView::RowView::AnySegment(uint32_t count) const {
   using namespace table_internal;
-  const uint64_t position = start_ + column, word = position >> 6;
+  for (uint64_t segment = start_, end = start_ + count; segment < end;) {
+    const uint64_t shift = segment & 63, here = std::min<uint64_t>(64 - shift, end - segment);
+    const uint64_t stored = Load<uint64_t>(records_ + (segment >> 6) * kRowRecordBytes) >> shift;
+    if (here < 64 ? (stored & ((uint64_t{1} << here) - 1)) != 0 : stored != 0) return true;
+    segment += here;
+  }
+  return false;
+}
+
+inline bool SliceTableView::RowView::SegmentEmpty(uint32_t segment) const {
+  const uint64_t at = start_ + segment;
+  const auto stored = table_internal::Load<uint64_t>(records_ + (at >> 6) * table_internal::kRowRecordBytes);
+  return (stored >> (at & 63) & 1) == 0;
+}
+
+inline const std::byte* SliceTableView::RowView::FindSegmented(uint32_t column) const {
+  using namespace table_internal;
+  const uint64_t segment = start_ + column / kSegmentColumns;
+  const std::byte* record = records_ + (segment >> 6) * kRowRecordBytes;
+  const uint64_t stored = Load<uint64_t>(record), bit = uint64_t{1} << (segment & 63);
+  if ((stored & bit) == 0) return nullptr;
+  const uint64_t rank = Load<uint64_t>(record + 8) + CountPair(stored & (bit - 1), 0);
+  return FindBit(rank * kSegmentColumns + column % kSegmentColumns);
+}
+
+inline const std::byte* SliceTableView::RowView::FindBit(uint64_t position) const {
+  using namespace table_internal;
+  const uint64_t word = position >> 6;
   const uint64_t line_index = word / kLineWords, in_line = word - line_index * kLineWords;
   const std::byte* line = lines_ + line_index * kLineBytes;
   const uint64_t bits = Load<uint64_t>(line + 8 + 8 * in_line), bit = uint64_t{1} << (position & 63);
@@ -191,14 +236,18 @@ inline const std::byte* SliceTableView::RowView::FindClassic(uint32_t column) co
 
 inline const std::byte* SliceTableView::RowView::Find(uint32_t column) const {
   if (empty_) return nullptr;
-  return lines_ ? FindCompact(column) : FindClassic(column);
+  if (records_) return FindSegmented(column);
+  return lines_ ? FindBit(start_ + column) : FindClassic(column);
 }
 
 template <class Visit>
 void SliceTableView::RowView::ForEach(const Visit& visit) const {
   if (empty_) return;
-  for (uint32_t column = 0; column < columns_; ++column) {
-    if (const std::byte* entry = Find(column)) visit(column, entry);
+  const uint32_t step = records_ ? table_internal::kSegmentColumns : columns_;
+  for (uint32_t first = 0; first < columns_; first += step) {
+    if (records_ && SegmentEmpty(first / step)) continue;
+    for (uint32_t column = first; column < std::min(first + step, columns_); ++column)
+      if (const std::byte* entry = Find(column)) visit(column, entry);
   }
 }
 

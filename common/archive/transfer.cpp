@@ -9,134 +9,164 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
+#include "common/archive/blend.h"
 #include "common/archive/lobe_codec.h"
+#include "common/archive/nested.h"
 #include "common/base/bend_normal.h"
 #include "common/base/frame.h"
+#include "common/domain/bake_settings.h"
 
 namespace glint {
 namespace {
 
-/// Unit vector along v, or `fallback` where v vanishes.
-glm::vec3 NormalizeOr(const glm::vec3& v, const glm::vec3& fallback) {
-  const float length2 = glm::dot(v, v);
-  return length2 > 1e-20f ? v / std::sqrt(length2) : fallback;
-}
+/// Where a look-up reads: corner (row i, column j) has its weight at [i * kColumns + j].
+template <int kColumns>
+struct Corners {
+  std::span<const uint32_t> rows;
+  const std::array<uint32_t, kColumns>& column;
+  const std::array<float, kMaxPointRows * kColumns>& weight;
+};
+
+/// The same in nested tables: what stands in for the corners' slices.
+struct NestedCorners {
+  const DirectionGrid& grid;
+  const TransferPoint& point;
+
+  /// VisitStandIns in the i-th row.
+  template <class Visit>
+  void VisitRow(int i, const SliceTableView::RowView& row, const Visit& visit) const {
+    const float* w = &point.corner_weight[3 * i];
+    if (w[0] + w[1] + w[2] <= 0) return;
+    const auto find = [&](uint32_t column) { return row.empty() ? nullptr : row.Find(column); };
+    const auto stand_ins = [&](const auto& above) {
+      VisitStandIns(grid, grid.level(), point.grid_triangle, {w[0], w[1], w[2]}, above, find, visit);
+    };
+    if (point.whole[i]) {
+      stand_ins([](uint32_t) { return true; });
+    } else {
+      const glm::vec3& n = point.row_normal[i];
+      stand_ins([&](uint32_t column) { return glm::dot(n, grid.direction(column)) > 0; });
+    }
+  }
+};
 
 /// Interpolates the direct lobe of one table. Corners without an entry are unblocked.
-/// @param weight  of corner (row i, column j) at [i * columns + j]
 template <int kColumns>
-DirectLobe InterpolateDirect(const SliceTableView& table, const TransferPoint& point,
-                             const std::array<uint32_t, kColumns>& column,
-                             const std::array<float, kColumns * kMaxPointRows>& weight) {
-  float fraction = 0, kappa_ratio = 0;
-  glm::vec3 shift(0);
-  bool stored = false;
-  for (int i = 0; i < point.rows; ++i) {
-    const SliceTableView::RowView row = table.Row(point.row[i]);
+DirectLobe InterpolateDirect(const SliceTableView& table, const Corners<kColumns>& corners) {
+  DirectBlend blend;
+  for (size_t i = 0; i < corners.rows.size(); ++i) {
+    const SliceTableView::RowView row = table.Row(corners.rows[i]);
     for (int j = 0; j < kColumns; ++j) {
-      const float w = weight[i * kColumns + j];
-      const std::byte* entry = row.empty() || w <= 0 ? nullptr : row.Find(column[j]);
-      if (!entry) {
-        fraction += w;
-        kappa_ratio += w;
-        continue;
+      const float w = corners.weight[i * kColumns + j];
+      const std::byte* entry = row.empty() || w <= 0 ? nullptr : row.Find(corners.column[j]);
+      if (entry) {
+        blend.Add(w, DecodeDirect(entry));
+      } else {
+        blend.AddFree(w);
       }
-      const DirectLobe lobe = DecodeDirect(entry);
-      const float visible = w * lobe.fraction;
-      fraction += visible;
-      shift += visible * lobe.shift;
-      kappa_ratio += visible * lobe.kappa_ratio;
-      stored = true;
     }
   }
-  if (!stored) return {};
-  if (fraction <= 0) return {.fraction = 0};
-  return {std::min(fraction, 1.0f), shift / fraction, kappa_ratio / fraction};
+  return blend.Lobe();
 }
 
-/// Present corners of an indirect lobe, gathered into groups of like lobes.
-class CornerGroups {
- public:
-  void Add(float weight, const IndirectLobe& lobe) {
-    const float strength = weight * Luminance(lobe.alpha);
-    corner_[count_++] = {weight, strength, lobe};
-    alpha_ += weight * lobe.alpha;
-    mu_ += strength * lobe.mu;
-    kappa_ += strength * lobe.kappa;
-    strength_ += strength;
-  }
+DirectLobe InterpolateDirect(const SliceTableView& table, const NestedCorners& corners) {
+  DirectBlend blend;
+  for (int i = 0; i < corners.point.rows; ++i)
+    corners.VisitRow(i, table.Row(corners.point.row[i]), [&](uint32_t, float w, const std::byte* entry) {
+      if (entry) {
+        blend.Add(w, DecodeDirect(entry));
+      } else {
+        blend.AddFree(w);
+      }
+    });
+  return blend.Lobe();
+}
 
-  /// Emits one lobe per group, strongest corner first; `scale` is the BRDF lobe's weight.
-  void Emit(const glm::vec3& scale, LayerLobes* out) {
-    if (strength_ <= 0) return;
-    // 1 - |mean of mu| is the corners' mean 1 - cos from their common direction: mostly they are alike, which
-    // saves the comparing.
-    const float length = glm::length(mu_);
-    if ((strength_ - length) * kappa_ <= kAlike * strength_ * strength_ && length > 0) {
-      out->Add({alpha_ * scale, mu_ / length, kappa_ / strength_, false});
-      return;
+/// Rows of a bake vertex in a slot's tables, one for each lobe of a slice.
+class LobeRows {
+ public:
+  LobeRows(const LayerViews& layer, uint32_t slot, uint32_t row) {
+    // Where a row is empty, so are those of further lobes.
+    for (; lobes_ < layer.lobes(); ++lobes_) {
+      row_[lobes_] = layer.table(lobes_, slot).Row(row);
+      if (row_[lobes_].empty()) return;
     }
-    for (int group = 0; group < kMaxGroups && count_ > 0; ++group) {
-      const bool last = group == kMaxGroups - 1;
-      EmitGroup(scale, last, out);
+  }
+  bool empty() const { return lobes_ == 0; }
+  const SliceTableView::RowView& first() const { return row_[0]; }
+  /// Calls visit(lobe) for the lobes of a slice, whose first is `entry`.
+  template <class Visit>
+  void ForEach(uint32_t column, const std::byte* entry, const Visit& visit) const {
+    for (uint32_t lobe = 1; entry; ++lobe) {
+      visit(DecodeIndirect(entry));
+      entry = lobe < lobes_ ? row_[lobe].Find(column) : nullptr;
     }
   }
 
  private:
-  static constexpr float kAlike = 0.5f;  ///< corners' rms angle is at most 1 / sqrt(kappa)
-
-  struct Corner {
-    float weight, strength;
-    IndirectLobe lobe;
-  };
-
-  void EmitGroup(const glm::vec3& scale, bool take_all, LayerLobes* out) {
-    int strongest = 0;
-    for (int i = 1; i < count_; ++i)
-      if (corner_[i].strength > corner_[strongest].strength) strongest = i;
-    const IndirectLobe seed = corner_[strongest].lobe;
-    glm::vec3 alpha(0), mu(0);
-    float kappa = 0, strength = 0;
-    int left = 0;
-    for (int i = 0; i < count_; ++i) {
-      const Corner& c = corner_[i];
-      // |mu0 - mu1|^2 = 2 (1 - cos): apart if the angle exceeds 2 / sqrt(kappa) of the broader lobe.
-      const bool near = (1 - glm::dot(c.lobe.mu, seed.mu)) * std::min(c.lobe.kappa, seed.kappa) <= 2;
-      if (near || take_all) {
-        alpha += c.weight * c.lobe.alpha;
-        mu += c.strength * c.lobe.mu;
-        kappa += c.strength * c.lobe.kappa;
-        strength += c.strength;
-      } else {
-        corner_[left++] = c;
-      }
-    }
-    count_ = left;
-    if (strength > 0) out->Add({alpha * scale, NormalizeOr(mu, seed.mu), kappa / strength, false});
-  }
-
-  std::array<Corner, 3 * kMaxPointRows> corner_;
-  int count_ = 0;
-  glm::vec3 alpha_{0}, mu_{0};  ///< sums over all corners
-  float kappa_ = 0, strength_ = 0;
+  std::array<SliceTableView::RowView, kMaxSliceLobes> row_;
+  uint32_t lobes_ = 0;
 };
 
-template <int kColumns>
-void InterpolateIndirect(const SliceTableView& table, const TransferPoint& point,
-                         const std::array<uint32_t, kColumns>& column,
-                         const std::array<float, kColumns * kMaxPointRows>& weight, const glm::vec3& scale,
-                         LayerLobes* out) {
-  CornerGroups groups;
-  for (int i = 0; i < point.rows; ++i) {
-    const SliceTableView::RowView row = table.Row(point.row[i]);
-    if (row.empty()) continue;
-    for (int j = 0; j < kColumns; ++j) {
-      const float w = weight[i * kColumns + j];
+/// Calls visit(corner, weight, lobe) for every stored lobe of the corners' slices.
+template <int kColumns, class Visit>
+void VisitIndirect(const LayerViews& layer, uint32_t slot, const Corners<kColumns>& corners,
+                   const Visit& visit) {
+  for (int i = 0; i < static_cast<int>(corners.rows.size()); ++i) {
+    const LobeRows rows(layer, slot, corners.rows[i]);
+    for (int j = 0; !rows.empty() && j < kColumns; ++j) {
+      const int corner = i * kColumns + j;
+      const float w = corners.weight[corner];
       if (w <= 0) continue;
-      if (const std::byte* entry = row.Find(column[j])) groups.Add(w, DecodeIndirect(entry));
+      rows.ForEach(corners.column[j], rows.first().Find(corners.column[j]),
+                   [&](const IndirectLobe& lobe) { visit(corner, w, lobe); });
     }
   }
-  groups.Emit(scale, out);
+}
+
+template <class Visit>
+void VisitIndirect(const LayerViews& layer, uint32_t slot, const NestedCorners& corners, const Visit& visit) {
+  int corner = 0;
+  for (int i = 0; i < corners.point.rows; ++i) {
+    const LobeRows rows(layer, slot, corners.point.row[i]);
+    if (rows.empty()) continue;
+    corners.VisitRow(i, rows.first(), [&](uint32_t column, float w, const std::byte* entry) {
+      rows.ForEach(column, entry, [&](const IndirectLobe& lobe) { visit(corner, w, lobe); });
+      ++corner;
+    });
+  }
+}
+
+/// Adds the lobes of an indirect slice; `scale` is the BRDF lobe's weight.
+template <class SomeCorners>
+void ReadIndirect(const LayerViews& layer, uint32_t slot, const SomeCorners& corners, const glm::vec3& scale,
+                  LayerLobes* out) {
+  CornerGroups groups;
+  VisitIndirect(layer, slot, corners, [&](int corner, float w, const IndirectLobe& lobe) {
+    const glm::vec3 alpha = w * lobe.alpha;
+    groups.Add(corner, {alpha, Luminance(alpha), lobe.mu, lobe.kappa});
+  });
+  groups.Emit([&](const CornerGroups::Lobe& lobe) {
+    out->Add({lobe.alpha * scale, lobe.mu, lobe.kappa, false});
+  });
+}
+
+/// Adds the lobes of a point's specular slices.
+template <class SomeCorners>
+void ReadSpecular(const TransferPoint& point, const LayerViews& layer, int index, const SomeCorners& corners,
+                  LayerLobes* out) {
+  for (int k = 0; k < point.slice.lobes; ++k) {
+    const BrdfLobe& brdf = point.slice.lobe[k];
+    const glm::vec3 weight = brdf.Weight(point.specular);
+    if (index > 0) {
+      ReadIndirect(layer, static_cast<uint32_t>(k), corners, weight, out);
+      continue;
+    }
+    const DirectLobe direct = InterpolateDirect(layer.specular[k], corners);
+    if (direct.fraction > 0)
+      out->Add({weight * direct.fraction, UnitOr(point.lobe_mu[k] + direct.shift, point.lobe_mu[k]),
+                std::min(brdf.kappa * direct.kappa_ratio, kMaxKappa), false});
+  }
 }
 
 }  // namespace
@@ -194,9 +224,9 @@ bool TransferReader::OrientNormal(uint32_t triangle, const std::array<float, 3>&
   const float side = point->back ? -1.0f : 1.0f;
   face *= side;
   const glm::vec3 n =
-      NormalizeOr(side * (barycentric[0] * domain_.normals[t[0]] + barycentric[1] * domain_.normals[t[1]] +
-                          barycentric[2] * domain_.normals[t[2]]),
-                  face);
+      UnitOr(side * (barycentric[0] * domain_.normals[t[0]] + barycentric[1] * domain_.normals[t[1]] +
+                     barycentric[2] * domain_.normals[t[2]]),
+             face);
   point->normal = BendNormal(face, point->wo, n);
   point->cos_o = std::max(glm::dot(point->normal, point->wo), kMinCosine);
   return true;
@@ -230,16 +260,18 @@ void TransferReader::WeighCorners(TransferPoint* point) const {
   // the interpolated normal n stand in; one of them is defined, as the sum of w_i n_i . n is |n|^2.
   glm::vec3 n(0);
   for (int i = 0; i < point->rows; ++i) n += point->row_weight[i] * row_normals_[point->row[i]];
-  WeighCornersAround(NormalizeOr(point->back ? -n : n, point->normal), point);
+  WeighCornersAround(UnitOr(point->back ? -n : n, point->normal), point);
 }
 
 bool TransferReader::WeighCornersAround(const glm::vec3& direction, TransferPoint* point) const {
   const DirectionGrid::Location location = grid_.Locate(direction);
   point->column = location.index;
+  point->grid_triangle = location.triangle;
   const float side = point->back ? -1.0f : 1.0f;
   float total = 0;
   for (int i = 0; i < point->rows; ++i) {
     const glm::vec3 n = side * row_normals_[point->row[i]];
+    point->row_normal[i] = n;
     for (int j = 0; j < 3; ++j) {
       const bool defined = glm::dot(n, grid_.direction(location.index[j])) > 0;
       const float w = defined ? point->row_weight[i] * location.weight[j] : 0.0f;
@@ -249,7 +281,18 @@ bool TransferReader::WeighCornersAround(const glm::vec3& direction, TransferPoin
   }
   const float scale = total > 0 ? 1 / total : 0;
   for (int i = 0; i < 3 * point->rows; ++i) point->corner_weight[i] *= scale;
+  if (grid_.nested()) CompareWithHorizons(point);
   return total > 0;
+}
+
+void TransferReader::CompareWithHorizons(TransferPoint* point) const {
+  const int levels = grid_.level() - grid_.base_level();
+  const auto& corners = grid_.triangles(grid_.base_level())[point->grid_triangle >> (2 * levels)];
+  for (int i = 0; i < point->rows; ++i) {
+    const glm::vec3& n = point->row_normal[i];
+    point->whole[i] = std::all_of(corners.begin(), corners.end(),
+                                  [&](uint32_t column) { return glm::dot(n, grid_.direction(column)) > 0; });
+  }
 }
 
 void TransferReader::FindRows(TransferPoint* point) const {
@@ -303,29 +346,21 @@ bool TransferReader::PrepareSurface(uint32_t triangle, float u, float v, const g
 void TransferReader::Read(const TransferPoint& point, const LayerViews& layer, int index,
                           LayerLobes* out) const {
   out->count = 0;
-  const uint32_t side = point.back ? 1 : 0;
-  const bool diffuse = point.diffuse_albedo.x + point.diffuse_albedo.y + point.diffuse_albedo.z > 0;
-  for (int k = 0; k < point.slice.lobes; ++k) {
-    const BrdfLobe& brdf = point.slice.lobe[k];
-    const glm::vec3 weight = brdf.Weight(point.specular);
-    if (index > 0) {
-      InterpolateIndirect<3>(layer.specular[k], point, point.column, point.corner_weight, weight, out);
-      continue;
-    }
-    const DirectLobe direct =
-        InterpolateDirect<3>(layer.specular[k], point, point.column, point.corner_weight);
-    if (direct.fraction > 0)
-      out->Add({weight * direct.fraction, NormalizeOr(point.lobe_mu[k] + direct.shift, point.lobe_mu[k]),
-                std::min(brdf.kappa * direct.kappa_ratio, kMaxKappa), false});
+  if (layer.nested) {
+    ReadSpecular(point, layer, index, NestedCorners{grid_, point}, out);
+  } else {
+    ReadSpecular(point, layer, index, Corners<3>{point.Rows(), point.column, point.corner_weight}, out);
   }
-  if (!diffuse) return;
+  if (point.diffuse_albedo.x + point.diffuse_albedo.y + point.diffuse_albedo.z <= 0) return;
+  const std::array<uint32_t, 1> side = {point.back ? 1u : 0u};
+  const Corners<1> corners{point.Rows(), side, point.row_weight};
   if (index > 0) {
-    InterpolateIndirect<1>(layer.diffuse, point, {side}, point.row_weight, point.diffuse_albedo, out);
+    ReadIndirect(layer, layer.diffuse_slot(), corners, point.diffuse_albedo, out);
     return;
   }
-  const DirectLobe direct = InterpolateDirect<1>(layer.diffuse, point, {side}, point.row_weight);
+  const DirectLobe direct = InterpolateDirect(layer.diffuse, corners);
   if (direct.fraction > 0)
-    out->Add({point.diffuse_albedo * direct.fraction, NormalizeOr(point.normal + direct.shift, point.normal),
+    out->Add({point.diffuse_albedo * direct.fraction, UnitOr(point.normal + direct.shift, point.normal),
               kCosineKappa * direct.kappa_ratio, true});
 }
 

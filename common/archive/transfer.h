@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/archive/archive.h"
+#include "common/archive/blend.h"
 #include "common/domain/bake_domain.h"
 #include "common/domain/direction_grid.h"
 #include "common/domain/facet_rows.h"
@@ -33,9 +34,15 @@ struct TransferPoint {
   std::array<uint32_t, kMaxPointRows> row{};
   std::array<float, kMaxPointRows> row_weight{};  ///< for slices that do not depend on wo; add up to 1
   std::array<uint32_t, 3> column{};               ///< grid directions around wo
+  uint32_t grid_triangle = 0;                     ///< of them
   /// Weight of (row i, column j) at [3 i + j]: 0 where the direction lies under the row's own horizon (no
   /// slice is defined there), and the rest add up to 1.
   std::array<float, 3 * kMaxPointRows> corner_weight{};
+  std::array<glm::vec3, kMaxPointRows> row_normal{};  ///< unit, of wo's side
+  /// Of row i: the whole triangle of the grid's base level around wo is above its horizon.
+  std::array<bool, kMaxPointRows> whole{};
+
+  std::span<const uint32_t> Rows() const { return {row.data(), static_cast<size_t>(rows)}; }
 };
 
 /// One term of a point's transfer: radiance = alpha * (environment filtered by the lobe). With `cosine` set
@@ -51,8 +58,6 @@ struct TransferLobe {
 /// vMF with the mean cosine 2/3 of the cosine lobe.
 inline constexpr float kCosineKappa = 2.9871f;
 
-/// A BRDF lobe is read as up to this many when its corners are too far apart to be averaged.
-inline constexpr int kMaxGroups = 3;
 /// At most this many lobes come from one layer at one point.
 inline constexpr int kMaxLayerLobes = kMaxGroups * (kMaxBrdfLobes + 1);
 
@@ -92,6 +97,8 @@ class TransferReader {
   void WeighCorners(TransferPoint* point) const;
   /// Corners' weights for the slices around `direction`. False if none of them is defined.
   bool WeighCornersAround(const glm::vec3& direction, TransferPoint* point) const;
+
+  void CompareWithHorizons(TransferPoint* point) const;
 
   /// The slice between three shapes (textured roughness): lobe k of each taken together.
   BrdfSlice BlendSlices(const std::array<uint32_t, 3>& vertex, const std::array<float, 3>& weight,

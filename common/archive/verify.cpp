@@ -26,6 +26,18 @@ Status CheckVertices(const BakeDomain& domain) {
   return {};
 }
 
+/// The cell `row * columns + column` in words.
+std::string CellName(const SliceTableView& table, uint64_t cell) {
+  return "bake vertex " + std::to_string(cell / table.columns()) + ", direction " +
+         std::to_string(cell % table.columns());
+}
+
+void LowerTo(uint64_t cell, std::atomic<uint64_t>* least) {
+  uint64_t known = least->load();
+  while (cell < known && !least->compare_exchange_weak(known, cell)) {
+  }
+}
+
 /// Every stored entry decodes to a lobe within its ranges and is what the encoder writes for it; every entry
 /// of the table is reached by exactly one row and column.
 Status CheckEntries(const SliceTableView& table, bool direct, int threads) {
@@ -35,16 +47,12 @@ Status CheckEntries(const SliceTableView& table, bool direct, int threads) {
     table.Row(static_cast<uint32_t>(row)).ForEach([&](uint32_t column, const std::byte* entry) {
       ++in_row;
       if (direct ? IsCanonicalDirect(entry) : IsCanonicalIndirect(entry)) return;
-      const uint64_t cell = row * uint64_t{table.columns()} + column;
-      uint64_t bad = first_bad.load();
-      while (cell < bad && !first_bad.compare_exchange_weak(bad, cell)) {
-      }
+      LowerTo(row * uint64_t{table.columns()} + column, &first_bad);
     });
     found += in_row;
   });
   if (const uint64_t bad = first_bad; bad != ~uint64_t{0}) {
-    return Mismatch("bake vertex " + std::to_string(bad / table.columns()) + ", direction " +
-                    std::to_string(bad % table.columns()) + ": a code is out of its range; bake again");
+    return Mismatch(CellName(table, bad) + ": a code is out of its range; bake again");
   }
   if (found != table.entries()) {
     return Mismatch(std::to_string(found) + " entries are reached, " + std::to_string(table.entries()) +
@@ -64,12 +72,29 @@ Status CheckSides(const SliceTableView& diffuse, const BakeDomain& domain) {
   return {};
 }
 
+/// Slices have their lobes in order, without gaps.
+Status CheckOrder(const SliceTableView& lobe, const SliceTableView& lobe_before, int threads) {
+  std::atomic<uint64_t> first_bad{~uint64_t{0}};
+  ParallelFor(lobe.rows(), threads, 256, [&](size_t row, int) {
+    const SliceTableView::RowView before = lobe_before.Row(static_cast<uint32_t>(row));
+    lobe.Row(static_cast<uint32_t>(row)).ForEach([&](uint32_t column, const std::byte*) {
+      if (before.Find(column) == nullptr) LowerTo(row * uint64_t{lobe.columns()} + column, &first_bad);
+    });
+  });
+  const uint64_t bad = first_bad;
+  if (bad == ~uint64_t{0}) return {};
+  return Mismatch(CellName(lobe, bad) + ": a further lobe without the one before; bake again");
+}
+
 Status CheckLayer(const LayerViews& layer, const BakeDomain& domain, bool direct, int threads) {
-  for (size_t k = 0; k < layer.specular.size(); ++k) {
-    GLINT_RETURN_IF_ERROR(
-        CheckEntries(layer.specular[k], direct, threads).WithContext("specular " + std::to_string(k)));
-  }
-  GLINT_RETURN_IF_ERROR(CheckEntries(layer.diffuse, direct, threads).WithContext("diffuse"));
+  for (uint32_t lobe = 0; lobe < layer.lobes(); ++lobe)
+    for (uint32_t slot = 0; slot <= layer.diffuse_slot(); ++slot) {
+      const SliceTableView& table = layer.table(lobe, slot);
+      Status status = CheckEntries(table, direct, threads);
+      if (status.ok() && lobe > 0) status = CheckOrder(table, layer.table(lobe - 1, slot), threads);
+      const std::string name = slot < layer.diffuse_slot() ? "specular " + std::to_string(slot) : "diffuse";
+      GLINT_RETURN_IF_ERROR(status.WithContext(name + ", lobe " + std::to_string(lobe) + " of the slices"));
+    }
   return CheckSides(layer.diffuse, domain).WithContext("diffuse");
 }
 

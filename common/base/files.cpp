@@ -49,20 +49,21 @@ fs::path NextTemporary(const fs::path& path) {
                            std::to_string(counter++) + ".tmp");
 }
 
-/// Whether `name` is what NextTemporary gives for a file called `file`.
-bool IsTemporaryOf(std::string_view name, std::string_view file) {
-  const auto take = [&name](std::string_view part) {
-    if (!name.starts_with(part)) return false;
-    name.remove_prefix(part.size());
-    return true;
-  };
-  const auto take_number = [&name] {
-    const size_t digits = std::min(name.find_first_not_of("0123456789"), name.size());
-    name.remove_prefix(digits);
-    return digits > 0;
-  };
-  return take(".") && take(file) && take(".") && take_number() && take(".") && take_number() &&
-         name == ".tmp";
+/// Takes ".NUMBER" off the end of `name`.
+bool TakeNumber(std::string_view& name) {
+  const size_t dot = name.rfind('.');
+  const bool number = dot != std::string_view::npos && dot + 1 < name.size() &&
+                      name.find_first_not_of("0123456789", dot + 1) == std::string_view::npos;
+  if (number) name.remove_suffix(name.size() - dot);
+  return number;
+}
+
+/// The file that `name` is a temporary of, as NextTemporary names them; empty: none.
+std::string_view FileOfTemporary(std::string_view name) {
+  constexpr std::string_view kEnd = ".tmp";
+  if (!name.starts_with('.') || !name.ends_with(kEnd)) return {};
+  name.remove_suffix(kEnd.size());
+  return TakeNumber(name) && TakeNumber(name) ? name.substr(1) : std::string_view();
 }
 
 /// Whether the open file is still what its name stands for.
@@ -72,18 +73,14 @@ bool IsAt(int fd, const fs::path& path) {
          open_file.st_ino == named.st_ino;
 }
 
-/// Removes what killed processes left of earlier attempts at `path`. A temporary is locked while its process
-/// lives; unlike the process number in its name, that also holds for processes in other containers and on
-/// other machines. Whatever fails stays: it stands in nobody's way.
+/// Removes what killed processes left of earlier attempts at `path`. Whatever fails stays: it stands in
+/// nobody's way.
 void RemoveOrphans(const fs::path& path) {
   std::error_code error;
   const std::string file = path.filename().string();
   for (fs::directory_iterator i(FolderOf(path), error), end; !error && i != end; i.increment(error)) {
-    if (!IsTemporaryOf(i->path().filename().string(), file)) continue;
-    const Descriptor orphan{OpenRetrying(i->path(), O_RDWR | O_NONBLOCK | O_NOFOLLOW)};
-    if (orphan.fd >= 0 && flock(orphan.fd, LOCK_EX | LOCK_NB) == 0 && IsAt(orphan.fd, i->path())) {
-      unlink(i->path().c_str());
-    }
+    const std::string name = i->path().filename().string();
+    if (FileOfTemporary(name) == file) RemoveOrphan(i->path());
   }
 }
 
@@ -168,6 +165,23 @@ Status CheckPublishable(const fs::path& path) {
   return {};
 }
 
+Status CheckWritable(const fs::path& folder) {
+  constexpr size_t kTrialBytes = 4096;  // a full disk still takes a file without bytes
+  GLINT_ASSIGN_OR_RETURN(FilePublisher trial, FilePublisher::Create(folder / "trial"));
+  GLINT_RETURN_IF_ERROR(trial.Write(std::vector<std::byte>(kTrialBytes)));
+  return trial.Sync();
+}
+
+// A temporary is locked while its process lives; unlike the process number in its name, that also holds for
+// processes in other containers and on other machines.
+bool RemoveOrphan(const fs::path& path) {
+  const std::string name = path.filename().string();
+  if (FileOfTemporary(name).empty()) return false;
+  const Descriptor orphan{OpenRetrying(path, O_RDWR | O_NONBLOCK | O_NOFOLLOW)};
+  return orphan.fd >= 0 && flock(orphan.fd, LOCK_EX | LOCK_NB) == 0 && IsAt(orphan.fd, path) &&
+         unlink(path.c_str()) == 0;
+}
+
 FilePublisher::FilePublisher(FilePublisher&& other) noexcept
     : path_(std::move(other.path_)),
       temp_(std::exchange(other.temp_, {})),
@@ -190,9 +204,13 @@ Status FilePublisher::Write(std::span<const std::byte> bytes) {
   return {};
 }
 
+Status FilePublisher::Sync() {
+  return fsync(fd_) == 0 ? Status() : IoError(path_.string() + ": cannot sync to disk: " + ErrnoText(errno));
+}
+
 Status FilePublisher::Commit() {
   CrashPoint("after-write");
-  if (fsync(fd_) != 0) return IoError(path_.string() + ": cannot sync to disk: " + ErrnoText(errno));
+  GLINT_RETURN_IF_ERROR(Sync());
   // A network file system may report a failed write as late as on closing. A duplicate is closed, so that the
   // temporary stays locked until it has its name.
   const int duplicate = fcntl(fd_, F_DUPFD_CLOEXEC, 0);

@@ -27,6 +27,8 @@ class FilePublisher {
   Status Write(std::span<const std::byte> bytes);
   /// Bytes written so far.
   uint64_t offset() const { return offset_; }
+  /// Makes what is written durable.
+  Status Sync();
   /// Puts the file in place. Once; nothing may be written after it.
   Status Commit();
 
@@ -40,6 +42,13 @@ class FilePublisher {
 /// Whether PublishFile could put a file at `path`: tries it in the folder, leaving `path` as it is. kUsage if
 /// `path` names something else than a file or its folder is not there, kIo if it cannot be written.
 Status CheckPublishable(const std::filesystem::path& path);
+
+/// Whether files can be written in `folder`: writes, syncs and removes one. kIo, naming the folder.
+Status CheckWritable(const std::filesystem::path& folder);
+
+/// Removes what a killed process left half written, of FilePublisher's: true if `path` was that. A file that
+/// somebody still writes, and one with any other name, stays.
+bool RemoveOrphan(const std::filesystem::path& path);
 
 /// Makes the folder and those above it that are missing, and makes each new name durable. kIo, naming the
 /// path.

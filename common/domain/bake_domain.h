@@ -53,8 +53,8 @@ struct BakeDomain {
   /// Unit geometric normal; 0 for a triangle without area. In double: products of a tiny or a huge scene's
   /// edges leave the range of floats.
   glm::vec3 FaceNormal(uint32_t triangle) const;
-  Brdf VertexBrdf(uint32_t v) const {
-    return {shapes[shape[v]].model, shapes[shape[v]].shape, specular[v], diffuse[v]};
+  Brdf BrdfOf(const BakeVertex& v) const {
+    return {shapes[v.shape].model, shapes[v.shape].shape, v.specular, v.diffuse};
   }
 };
 

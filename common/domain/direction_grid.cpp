@@ -75,33 +75,62 @@ Geodesic Subdivide(const Geodesic& coarse) {
 
 }  // namespace
 
-DirectionGrid::DirectionGrid(int level) : level_(std::clamp(level, 0, kMaxLevel)) {
+DirectionGrid::DirectionGrid(int level, int base_level)
+    : level_(std::clamp(level, 0, kMaxLevel)), base_level_(std::clamp(base_level, 0, level_)) {
   Geodesic mesh = Icosahedron();
-  for (int i = 0; i < level_; ++i) mesh = Subdivide(mesh);
+  for (int i = 0; i < base_level_; ++i) mesh = Subdivide(mesh);
+  levels_.push_back(mesh.faces);
+  for (int i = base_level_; i < level_; ++i) {
+    mesh = Subdivide(mesh);
+    levels_.push_back(mesh.faces);
+  }
 
   std::vector<uint32_t> order(mesh.points.size());
   std::iota(order.begin(), order.end(), 0u);
   std::vector<uint32_t> code(order.size());
   for (uint32_t i = 0; i < code.size(); ++i) code[i] = OctahedralMorton(glm::vec3(mesh.points[i]));
-  std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) { return code[a] < code[b]; });
+  const auto less = [&](uint32_t a, uint32_t b) { return code[a] < code[b]; };
+  auto begin = order.begin();  // subdividing appends: levels already follow one another
+  for (int i = base_level_; i <= level_; ++i) {
+    const auto end = order.begin() + SizeOf(i);
+    std::stable_sort(begin, end, less);
+    begin = end;
+  }
   std::vector<uint32_t> rank(order.size());
   directions_.resize(order.size());
   for (uint32_t i = 0; i < order.size(); ++i) {
     rank[order[i]] = i;
     directions_[i] = glm::vec3(mesh.points[order[i]]);
   }
-  triangles_.reserve(mesh.faces.size());
-  for (const auto& f : mesh.faces) triangles_.push_back({rank[f[0]], rank[f[1]], rank[f[2]]});
+  for (auto& faces : levels_)
+    for (auto& f : faces) f = {rank[f[0]], rank[f[1]], rank[f[2]]};
+  BuildMidpoints();
   BuildLocator();
+}
+
+void DirectionGrid::BuildMidpoints() {
+  midpoints_.resize(size() - SizeOf(base_level_));
+  std::vector<uint8_t> sides(midpoints_.size(), 0);
+  for (int level = base_level_ + 1; level <= level_; ++level)
+    for (uint32_t parent = 0; parent < triangles(level - 1).size(); ++parent)
+      for (uint8_t edge = 0; edge < 3; ++edge) {
+        const uint32_t direction = triangles(level)[4 * size_t{parent} + 3][edge];
+        const uint32_t i = direction - SizeOf(base_level_);
+        const auto& corner = triangles(level - 1)[parent];
+        midpoints_[i].ends = {corner[edge], corner[(edge + 1) % 3]};
+        midpoints_[i].triangle[sides[i]] = parent;
+        midpoints_[i].edge[sides[i]++] = edge;
+      }
 }
 
 void DirectionGrid::BuildLocator() {
   std::map<std::pair<uint32_t, uint32_t>, uint32_t> face_of_edge;  // directed edge -> the face on its left
-  for (uint32_t t = 0; t < triangles_.size(); ++t)
-    for (int i = 0; i < 3; ++i) face_of_edge[{triangles_[t][i], triangles_[t][(i + 1) % 3]}] = t;
-  cells_.resize(triangles_.size());
-  for (uint32_t t = 0; t < triangles_.size(); ++t) {
-    const auto& f = triangles_[t];
+  const auto& triangles = levels_.back();
+  for (uint32_t t = 0; t < triangles.size(); ++t)
+    for (int i = 0; i < 3; ++i) face_of_edge[{triangles[t][i], triangles[t][(i + 1) % 3]}] = t;
+  cells_.resize(triangles.size());
+  for (uint32_t t = 0; t < triangles.size(); ++t) {
+    const auto& f = triangles[t];
     // In double precision: the corners of a fine triangle are nearly parallel.
     const glm::dvec3 corner[3] = {glm::dvec3(directions_[f[0]]), glm::dvec3(directions_[f[1]]),
                                   glm::dvec3(directions_[f[2]])};
@@ -143,7 +172,7 @@ DirectionGrid::Location DirectionGrid::Locate(const glm::vec3& direction) const 
 
 int DirectionGrid::LevelOf(uint32_t directions) {
   for (int level = 0; level <= kMaxLevel; ++level)
-    if (directions == 10u * (1u << (2 * level)) + 2) return level;
+    if (directions == SizeOf(level)) return level;
   return -1;
 }
 

@@ -10,6 +10,7 @@ namespace {
 
 constexpr int64_t kReconnectMs = 250;
 constexpr int64_t kApiWaitMs = 3000;
+constexpr int64_t kSignOfLifeMs = 2000;
 constexpr int64_t kMaxUnconfirmed = 4096;
 
 /// libnats wants the addresses one by one.
@@ -89,9 +90,11 @@ Status NatsConnection::Connect(const NatsOptions& options) {
   const NatsHandle<natsOptions, natsOptions_Destroy> nats(made);
   const std::vector<std::string> addresses = SplitAddresses(options.url);
   std::vector<const char*> servers;
+  servers.reserve(addresses.size());
   for (const std::string& address : addresses) servers.push_back(address.c_str());
   if (s == NATS_OK) s = natsOptions_SetServers(made, servers.data(), static_cast<int>(servers.size()));
   if (s == NATS_OK) s = natsOptions_SetName(made, "glint " GLINT_VERSION);
+  if (s == NATS_OK) s = natsOptions_SetCustomInboxPrefix(made, options.inbox.c_str());
   if (s == NATS_OK) s = ApplySecurity(options, made);
   if (s == NATS_OK) s = ApplyReconnecting(made);
   if (s != NATS_OK) {
@@ -123,6 +126,13 @@ Status NatsConnection::Connect(const NatsOptions& options) {
 NatsConnection::~NatsConnection() {
   // First, so that no handler runs on what is about to go.
   if (connection_) natsConnection_Close(connection_.get());
+}
+
+Status NatsConnection::CheckReachable() const {
+  const bool connected = natsConnection_Status(connection_.get()) == NATS_CONN_STATUS_CONNECTED;
+  const natsStatus s = connected ? natsConnection_FlushTimeout(connection_.get(), kSignOfLifeMs)
+                                 : NATS_CONNECTION_DISCONNECTED;
+  return s == NATS_OK ? Status() : Failed("get a sign of life", s);
 }
 
 Status NatsConnection::Failed(const std::string& what, natsStatus status) const {

@@ -31,6 +31,8 @@ class NatsConnection {
   NatsConnection& operator=(const NatsConnection&) = delete;
 
   jsCtx* js() const { return js_.get(); }
+  /// Asks the server for a sign of life. kIo: none came.
+  Status CheckReachable() const;
   /// kIo with the server's address.
   Status Failed(const std::string& what, natsStatus status) const;
   /// Messages that were published and refused, or not confirmed in time, since the last call.

@@ -169,6 +169,8 @@ class NatsQueueImpl : public NatsQueue {
   NatsQueueImpl(std::shared_ptr<NatsConnection> connection, int replicas)
       : connection_(std::move(connection)), replicas_(replicas) {}
 
+  Status CheckReachable() override { return connection_->CheckReachable(); }
+
   Status Open(const QueuedBake& bake) override {
     GLINT_RETURN_IF_ERROR(AddStream());
     GLINT_RETURN_IF_ERROR(Purge(bake.bake));
@@ -203,7 +205,8 @@ class NatsQueueImpl : public NatsQueue {
       return std::optional<QueueState>();
     if (s != NATS_OK) return connection_->Failed("ask for a bake's tasks", s);
     return std::optional(QueueState{info->NumPending, static_cast<uint64_t>(info->NumAckPending),
-                                    static_cast<uint64_t>(info->NumWaiting)});
+                                    static_cast<uint64_t>(info->NumWaiting),
+                                    static_cast<uint64_t>(info->NumRedelivered)});
   }
 
   Status Close(const Digest& bake) override {

@@ -33,9 +33,10 @@ inline constexpr int kMaxPriority = 100;
 
 /// Where a bake's messages are.
 struct QueueState {
-  uint64_t waiting = 0;    ///< for a worker
-  uint64_t in_flight = 0;  ///< with a worker
-  uint64_t requests = 0;   ///< of workers that wait for a message
+  uint64_t waiting = 0;      ///< for a worker
+  uint64_t in_flight = 0;    ///< with a worker
+  uint64_t requests = 0;     ///< of workers that wait for a message
+  uint64_t redelivered = 0;  ///< of those in flight: not for the first time
 };
 
 /// The queue as the coordinator sees it. Every call may be repeated. kIo: the queue does not answer; try

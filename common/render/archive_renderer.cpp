@@ -63,10 +63,10 @@ struct TileBuffers {
 }  // namespace
 
 struct ArchiveRenderer::Impl {
-  Impl(const BakeDomain& domain, int grid_level, std::span<const LayerViews> all_layers,
+  Impl(const BakeDomain& domain, DirectionGrid directions, std::span<const LayerViews> all_layers,
        const PrefilteredEnvironment& prefiltered, const ArchiveRenderOptions& render_options)
       : rays(BareScene(domain), render_options.threads),
-        grid(grid_level),
+        grid(std::move(directions)),
         reader(domain, grid),
         layers(all_layers),
         environment(prefiltered),
@@ -129,12 +129,13 @@ struct ArchiveRenderer::Impl {
 
 ArchiveRenderer::ArchiveRenderer(const Archive& archive, const PrefilteredEnvironment& environment,
                                  const ArchiveRenderOptions& options)
-    : ArchiveRenderer(archive.domain(), archive.grid_level(), archive.layers(), environment, options) {}
+    : ArchiveRenderer(archive.domain(), archive.MakeGrid(), archive.layers(), environment, options) {}
 
-ArchiveRenderer::ArchiveRenderer(const BakeDomain& domain, int grid_level, std::span<const LayerViews> layers,
+ArchiveRenderer::ArchiveRenderer(const BakeDomain& domain, DirectionGrid grid,
+                                 std::span<const LayerViews> layers,
                                  const PrefilteredEnvironment& environment,
                                  const ArchiveRenderOptions& options)
-    : impl_(std::make_unique<Impl>(domain, grid_level, layers, environment, options)) {}
+    : impl_(std::make_unique<Impl>(domain, std::move(grid), layers, environment, options)) {}
 
 ArchiveRenderer::~ArchiveRenderer() = default;
 

@@ -25,7 +25,7 @@ class ArchiveRenderer : public Renderer {
   ArchiveRenderer(const Archive& archive, const PrefilteredEnvironment& environment,
                   const ArchiveRenderOptions& options);
   /// The same from an archive's parts.
-  ArchiveRenderer(const BakeDomain& domain, int grid_level, std::span<const LayerViews> layers,
+  ArchiveRenderer(const BakeDomain& domain, DirectionGrid grid, std::span<const LayerViews> layers,
                   const PrefilteredEnvironment& environment, const ArchiveRenderOptions& options);
   ~ArchiveRenderer() override;
   /// Errors: kUsage for a view that CheckView refuses or a number of samples out of range, kInterrupted.

@@ -20,12 +20,16 @@ template <class Settings, class Visit>
 void VisitNumbers(Settings& s, const Visit& visit) {
   constexpr float kLargest = std::numeric_limits<float>::max();
   visit("grid_level", s.grid_level, 0, DirectionGrid::kMaxLevel);
+  visit("angular_tolerance", s.angular_tolerance, 0.0f, kLargest);
+  visit("base_level", s.base_level, 0, DirectionGrid::kMaxLevel);
   visit("rays_per_kappa", s.rays_per_kappa, 0.0f, kLargest);
   visit("min_rays", s.min_rays, 1, kMaxRays);
   visit("max_rays", s.max_rays, 1, kMaxRays);
   visit("split_levels", s.split_levels, 0, 2);
   visit("paper_rays", s.paper_rays, 1, kMaxRays);
   visit("drop", s.drop, 0.0f, 1.0f);
+  visit("slice_lobes", s.slice_lobes, 1, kMaxSliceLobes);
+  visit("lobe_tolerance", s.lobe_tolerance, 0.0f, 1.0f);
   visit("seed", s.seed, uint64_t{0}, std::numeric_limits<uint64_t>::max());
   visit("fit_max_lobes", s.fit.max_lobes, 1, kMaxBrdfLobes);
   visit("fit_tolerance", s.fit.tolerance, 0.0f, 1.0f);

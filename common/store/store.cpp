@@ -132,7 +132,7 @@ Result<std::vector<std::byte>> ChunkStore::Get(const Digest& digest) const {
 Status ChunkStore::Discard(const Digest& task_key, const Digest& digest) {
   GLINT_RETURN_IF_ERROR(RemoveFile(RecordPath(root_, task_key)));
   // Another process may have put a sound chunk in its place since the damage was seen: that one stays.
-  const Status chunk = Get(digest).status();
+  Status chunk = Get(digest).status();
   if (chunk.ok() || chunk.kind() == ErrorKind::kIo) return chunk;
   return RemoveFile(ChunkPath(root_, digest));
 }

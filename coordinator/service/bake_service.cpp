@@ -14,6 +14,8 @@
 
 #include "common/base/files.h"
 #include "common/base/log.h"
+#include "common/base/memory.h"
+#include "coordinator/work_folder.h"
 #include "worker/execution_id.h"
 
 namespace glint {
@@ -22,6 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr size_t kIdLength = 16;  ///< hexadecimal digits
+constexpr auto kCollectPeriod = std::chrono::hours(1);
 
 /// From the client's key, or else from the request: so that a request which is sent twice begins one bake.
 std::string MakeId(const BakeRequest& request) {
@@ -77,6 +80,8 @@ Result<std::unique_ptr<BakeService>> BakeService::Open(const ServiceOptions& opt
   GLINT_RETURN_IF_ERROR(service->TakeUp());
   for (int i = 0; i < options.running; ++i)
     service->runners_.emplace_back([s = service.get()] { s->RunBakes(); });
+  if (options.keep_unused.count() > 0)
+    service->runners_.emplace_back([s = service.get()] { s->CollectRepeatedly(); });
   return service;
 }
 
@@ -115,7 +120,11 @@ fs::path BakeService::ArchivePath(const std::string& id) const {
 
 bool BakeService::HasScene(const Digest& digest) const {
   std::error_code error;
-  return fs::is_regular_file(ScenePath(digest), error);
+  const fs::path path = ScenePath(digest);
+  if (!fs::is_regular_file(path, error)) return false;
+  // Whoever hears that it is here submits it next, and will not send it.
+  fs::last_write_time(path, FileTime::clock::now(), error);
+  return true;
 }
 
 Status BakeService::PutScene(const Digest& digest, std::span<const std::byte> bytes) {
@@ -221,8 +230,11 @@ Status BakeService::Delete(const std::string& id) {
   fs::remove(ArchivePath(id).string() + ".json", error);
   if (!Uses([&](const JournalEntry& e) { return e.request.scene == entry.request.scene; }))
     fs::remove(ScenePath(entry.request.scene), error);
-  if (!entry.bake_key.empty() && !Uses([&](const JournalEntry& e) { return e.bake_key == entry.bake_key; }))
-    fs::remove_all(options_.store / entry.bake_key, error);
+  const std::optional<Digest> key = Digest::FromHex(entry.bake_key);  // none: it did not get so far
+  if (key && !Uses([&](const JournalEntry& e) { return e.bake_key == entry.bake_key; })) {
+    if (const Result<bool> gone = WorkFolder::RemoveUnused(options_.store, *key); !gone.ok())
+      Log(LogLevel::kWarning, gone.status().message(), {{"bake", id}});
+  }
   changed_.notify_all();
   return {};
 }
@@ -237,6 +249,97 @@ Result<fs::path> BakeService::ResultFile(const std::string& id, bool report) con
   GLINT_ASSIGN_OR_RETURN(const Slot* slot, Find(id));
   if (slot->status.entry.state != BakeState::kDone) return UsageError("bake " + id + " is not done");
   return fs::path(ArchivePath(id).string() + (report ? ".json" : ""));
+}
+
+ServiceCounts BakeService::Counts() const {
+  const std::lock_guard lock(mutex_);
+  return counts_;
+}
+
+Status BakeService::CheckStore() const { return CheckWritable(options_.store); }
+
+// ---- Garbage ----
+
+Garbage BakeService::CollectGarbage(std::chrono::seconds age) {
+  const FileTime before = FileTime::clock::now() - age;
+  Garbage removed;
+  removed.scenes = CollectFiles(
+      "scenes", before, [&](const fs::path& path) { return IsUnusedScene(path, before); }, &removed);
+  removed.results = CollectFiles(
+      "archives", before, [&](const fs::path& path) { return IsUnusedResult(path); }, &removed);
+  CollectFolders(before, &removed);
+  const std::lock_guard lock(mutex_);
+  counts_.collected_bytes += removed.bytes;
+  return removed;
+}
+
+bool BakeService::IsUnusedScene(const fs::path& path, FileTime before) const {
+  const std::optional<Digest> digest = Digest::FromHex(path.filename().string());
+  std::error_code error;
+  // Once more, for who asked for it meanwhile has touched it.
+  return digest && path == ScenePath(*digest) && fs::last_write_time(path, error) < before &&
+         !Uses([&](const JournalEntry& e) { return e.request.scene == *digest; });
+}
+
+bool BakeService::IsUnusedResult(const fs::path& path) const {
+  const std::string name = path.filename().string(), id = name.substr(0, name.find('.'));
+  const fs::path archive = ArchivePath(id);
+  const bool ours = path == archive || path.string() == archive.string() + ".json";
+  return ours && id.size() == kIdLength && slots_.count(id) == 0;
+}
+
+uint64_t BakeService::CollectFiles(const char* folder, FileTime before,
+                                   const std::function<bool(const fs::path&)>& is_unused, Garbage* removed) {
+  uint64_t count = 0;
+  for (const fs::path& path : FilesOlderThan(options_.store / folder, before)) {
+    const uint64_t bytes = BytesIn(path);
+    const std::lock_guard lock(mutex_);  // no bake comes to use it between the question and the answer
+    std::error_code error;
+    const bool unused = is_unused(path) && fs::remove(path, error);
+    const bool temporary = !unused && RemoveOrphan(path);
+    count += unused;
+    removed->temporaries += temporary;
+    if (unused || temporary) removed->bytes += bytes;
+  }
+  return count;
+}
+
+void BakeService::CollectFolders(FileTime before, Garbage* removed) {
+  std::error_code error;
+  for (fs::directory_iterator i(options_.store, error), end; !error && i != end; i.increment(error)) {
+    const std::string name = i->path().filename().string();
+    const std::optional<Digest> key = Digest::FromHex(name);
+    std::error_code gone;
+    if (!key || !i->is_directory(gone) || LastChange(i->path()) >= before) continue;
+    {
+      const std::lock_guard lock(mutex_);
+      if (Uses([&](const JournalEntry& e) { return e.bake_key == name && e.state != BakeState::kDone; }))
+        continue;
+    }
+    // A bake that begins now finds the folder locked, waits, and makes it anew.
+    const uint64_t bytes = BytesIn(i->path());
+    const Result<bool> unused = WorkFolder::RemoveUnused(options_.store, *key);
+    if (!unused.ok()) Log(LogLevel::kWarning, unused.status().message(), {{"bake_key", name}});
+    if (!unused.ok() || !*unused) continue;
+    ++removed->folders;
+    removed->bytes += bytes;
+  }
+}
+
+void BakeService::CollectRepeatedly() {
+  for (;;) {
+    const Garbage removed = CollectGarbage(options_.keep_unused);
+    if (removed.bytes > 0 || removed.folders > 0) {
+      Log(LogLevel::kNote, "removed what no bake needs: " + std::to_string(removed.scenes) + " scenes, " +
+                               std::to_string(removed.results) + " archives and reports, " +
+                               std::to_string(removed.folders) + " folders of tasks, " +
+                               std::to_string(removed.temporaries) + " unfinished files; " +
+                               std::to_string(removed.bytes >> 20) + " MiB");
+    }
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, kCollectPeriod, [this] { return ending_; });
+    if (ending_) return;
+  }
 }
 
 // ---- Work ----
@@ -292,12 +395,13 @@ Result<BakeReport> BakeService::Bake(const BakeRequest& request, const std::stri
   options.vertices_per_task = request.vertices_per_task;
   options.directions_per_task = request.directions_per_task;
   options.threads = options_.threads;
-  options.memory_bytes = options_.memory_bytes;
+  const uint64_t memory = options_.memory_bytes ? options_.memory_bytes : UsableMemory() / 4;
+  options.memory_bytes = std::max(memory / static_cast<uint64_t>(options_.running), uint64_t{1});
   options.work_dir = options_.store;
   if (options_.make_executor) options.make_executor = options_.make_executor(request);
   options.stop = [=, this] { return MustStop(id); };
 
-  NoteProgress(id, {"load", 0, 0, 0, 0});
+  NoteProgress(id, {"load"});
   GLINT_ASSIGN_OR_RETURN(std::vector<std::byte> bytes,
                          ReadFile(ScenePath(request.scene), options_.max_scene_bytes));
   // From memory: a file that a client sent names no other file.
@@ -327,6 +431,7 @@ void BakeService::NoteProgress(const std::string& id, const BakeProgress& progre
   const std::lock_guard lock(mutex_);
   Result<Slot*> slot = Find(id);
   if (!slot.ok()) return;
+  (*slot)->meter.Note(progress, &counts_);
   (*slot)->status.progress = progress;
   ++(*slot)->status.version;
   changed_.notify_all();
@@ -335,6 +440,7 @@ void BakeService::NoteProgress(const std::string& id, const BakeProgress& progre
 void BakeService::NoteEnd(const std::string& id, const Status& status) {
   const std::lock_guard lock(mutex_);
   Result<Slot*> found = Find(id);
+  if (found.ok()) (*found)->meter.End(&counts_);
   // Stopped because the service ends: still running, as far as the journal goes.
   if (!found.ok() || (ending_ && status.kind() == ErrorKind::kInterrupted)) return;
   Slot* slot = *found;
@@ -348,7 +454,8 @@ void BakeService::NoteEnd(const std::string& id, const Status& status) {
       "bake " + id +
           (status.ok() ? " is done"
            : cancelled ? " is cancelled"
-                       : " failed: " + status.message()));
+                       : " failed: " + status.message()),
+      {{"bake", id}, {"bake_key", slot->status.entry.bake_key}});
   if (const Status noted = Change(slot, state, state == BakeState::kFailed ? status : Status()); !noted.ok())
     Log(LogLevel::kWarning, noted.message() + "; the next service takes the bake up again");
 }
@@ -358,7 +465,7 @@ Status BakeService::Change(Slot* slot, BakeState state, Status error) {
   JournalEntry entry = slot->status.entry;
   entry.state = state;
   entry.error = std::move(error);
-  const Status noted = journal_.Put(entry);
+  Status noted = journal_.Put(entry);
   if (noted.ok() || HasEnded(state)) slot->status.entry = std::move(entry);
   ++slot->status.version;
   changed_.notify_all();

@@ -15,6 +15,8 @@
 
 #include "coordinator/bake.h"
 #include "coordinator/service/journal.h"
+#include "coordinator/service/service_meter.h"
+#include "coordinator/service/store_garbage.h"
 
 namespace glint {
 
@@ -32,9 +34,20 @@ struct ServiceOptions {
   size_t max_bakes = 1000;      ///< in the journal
   uint64_t max_scene_bytes = uint64_t{1} << 30;
   int threads = 0;            ///< 0: all cores
-  uint64_t memory_bytes = 0;  ///< as in BakeOptions
+  uint64_t memory_bytes = 0;  ///< as in BakeOptions, but for all bakes together
+  /// What no bake refers to goes so long after it was last touched; 0: it stays.
+  std::chrono::seconds keep_unused = std::chrono::hours(168);
   /// Who runs a bake's tasks; empty: threads of this process.
   std::function<ExecutorFactory(const BakeRequest&)> make_executor;
+};
+
+/// What was removed from a store.
+struct Garbage {
+  uint64_t scenes = 0;
+  uint64_t results = 0;      ///< archives and reports
+  uint64_t folders = 0;      ///< of bakes' tasks
+  uint64_t temporaries = 0;  ///< files that somebody was killed over
+  uint64_t bytes = 0;
 };
 
 /// What `glint serve` does, without its network. State is the store and its journal: killed at any moment,
@@ -52,6 +65,7 @@ class BakeService {
   /// Stops the bakes at work; they stay in the journal as running.
   ~BakeService();
 
+  /// Whether the store has it; if so, it counts as touched.
   bool HasScene(const Digest& digest) const;
   /// kLimit: too large; kBadInput: the bytes have another digest; kIo.
   Status PutScene(const Digest& digest, std::span<const std::byte> bytes);
@@ -72,9 +86,19 @@ class BakeService {
   /// Where a result is. kUsage also: the bake is not done.
   Result<std::filesystem::path> ResultFile(const std::string& id, bool report) const;
 
+  ServiceCounts Counts() const;
+  /// kIo: nothing can be written to the store.
+  Status CheckStore() const;
+  const std::filesystem::path& store() const { return options_.store; }
+  /// Removes scenes, archives and folders of tasks that belong to no bake and were not touched for `age`;
+  /// names that a service does not give stay. Safe beside all other calls, and beside bakes of other
+  /// processes in the same store.
+  Garbage CollectGarbage(std::chrono::seconds age);
+
  private:
   struct Slot {
     BakeStatus status;
+    BakeMeter meter;
     bool cancel = false;
   };
 
@@ -92,6 +116,14 @@ class BakeService {
   Status Change(Slot* slot, BakeState state, Status error = {});
   Result<Slot*> Find(const std::string& id);
   Result<const Slot*> Find(const std::string& id) const;
+  void CollectRepeatedly();
+  bool IsUnusedScene(const std::filesystem::path& path, FileTime before) const;
+  bool IsUnusedResult(const std::filesystem::path& path) const;
+  /// Removes files below `folder` that are unused, asked under the lock, and those half written; how many of
+  /// the first.
+  uint64_t CollectFiles(const char* folder, FileTime before,
+                        const std::function<bool(const std::filesystem::path&)>& is_unused, Garbage* removed);
+  void CollectFolders(FileTime before, Garbage* removed);
   bool Uses(const std::function<bool(const JournalEntry&)>& what) const;
   std::filesystem::path ScenePath(const Digest& digest) const;
   std::filesystem::path ArchivePath(const std::string& id) const;
@@ -102,6 +134,7 @@ class BakeService {
   mutable std::mutex mutex_;
   mutable std::condition_variable changed_;
   std::map<std::string, Slot> slots_;
+  ServiceCounts counts_;
   bool ending_ = false;
   std::vector<std::thread> runners_;
 };

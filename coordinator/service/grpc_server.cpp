@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <atomic>
 #include <optional>
+#include <string_view>
 #include <utility>
 
 #include "common/base/files.h"
+#include "common/base/log.h"
 #include "glint/glint.grpc.pb.h"
 #include "worker/execution_id.h"
 
@@ -126,106 +128,164 @@ Result<std::pair<Digest, std::vector<std::byte>>> ReceiveScene(Reader* reader, u
 
 class Calls final : public v1::Glint::Service {
  public:
-  explicit Calls(BakeService* service) : service_(*service) {}
+  Calls(BakeService* service, std::optional<TokenList> tokens)
+      : service_(*service), tokens_(std::move(tokens)) {}
   /// Ends calls that would go on.
   void End() { ending_ = true; }
 
  private:
   using Context = grpc::ServerContext;
 
-  grpc::Status Health(Context*, const v1::HealthRequest*, v1::HealthReply* reply) override {
-    reply->set_version(GLINT_VERSION);
-    reply->set_execution(ExecutionId());
-    for (const BakeStatus& bake : service_.List()) {
-      if (bake.entry.state == BakeState::kQueued) reply->set_queued(reply->queued() + 1);
-      if (bake.entry.state == BakeState::kRunning) reply->set_running(reply->running() + 1);
+  // ---- Who may call ----
+
+  /// Does a call's work if its client has the right to it.
+  template <class Body>
+  grpc::Status As(Right needed, const char* call, Context* context, const Body& body) const {
+    if (const std::optional<grpc::Status> refused = Refuse(needed, call, context)) return *refused;
+    return ToGrpc(context, body());
+  }
+
+  /// None: the client may.
+  std::optional<grpc::Status> Refuse(Right needed, const char* call, Context* context) const {
+    if (!tokens_) return std::nullopt;
+    const TokenList::Client* client = tokens_->Find(BearerToken(*context));
+    const bool may = client && client->right >= needed;
+    if (!may || needed > Right::kRead) {
+      const std::string name = client ? client->name : "";
+      Log(may ? LogLevel::kNote : LogLevel::kWarning,
+          (client ? "client '" + name + "'" : "an unknown client at " + context->peer()) +
+              (may ? " calls " : " may not call ") + call,
+          {{"client", name}, {"call", call}, {"peer", context->peer()}});
     }
-    return grpc::Status::OK;
+    if (may) return std::nullopt;
+    context->AddTrailingMetadata("glint-kind", std::to_string(static_cast<int>(ErrorKind::kUsage)));
+    if (!client)
+      return grpc::Status(grpc::StatusCode::UNAUTHENTICATED,
+                          "the service knows its clients by tokens, and not this one; give --token-file");
+    return grpc::Status(grpc::StatusCode::PERMISSION_DENIED, std::string(call) + " needs the right '" +
+                                                                 RightName(needed) + "', which '" +
+                                                                 client->name + "' does not have");
+  }
+
+  /// Empty: there is none.
+  static std::string BearerToken(const Context& context) {
+    constexpr std::string_view kScheme = "Bearer ";
+    const auto header = context.client_metadata().find("authorization");
+    if (header == context.client_metadata().end()) return "";
+    const std::string_view value(header->second.data(), header->second.size());
+    return std::string(value.starts_with(kScheme) ? value.substr(kScheme.size()) : std::string_view());
+  }
+
+  // ---- What they call ----
+
+  grpc::Status Health(Context* context, const v1::HealthRequest*, v1::HealthReply* reply) override {
+    return As(Right::kRead, "Health", context, [&] {
+      reply->set_version(GLINT_VERSION);
+      reply->set_execution(ExecutionId());
+      for (const BakeStatus& bake : service_.List()) {
+        if (bake.entry.state == BakeState::kQueued) reply->set_queued(reply->queued() + 1);
+        if (bake.entry.state == BakeState::kRunning) reply->set_running(reply->running() + 1);
+      }
+      return Status();
+    });
   }
 
   grpc::Status FindMissing(Context* context, const v1::FindMissingRequest* request,
                            v1::FindMissingReply* reply) override {
-    if (request->scenes_size() > kMaxScenesAsked)
-      return ToGrpc(context, LimitExceeded("more than 1000 scenes in one question"));
-    for (const std::string& scene : request->scenes()) {
-      const std::optional<Digest> digest = ToDigest(scene);
-      if (!digest) return ToGrpc(context, BadInput("a digest has 32 bytes"));
-      if (!service_.HasScene(*digest)) reply->add_scenes(scene);
-    }
-    return grpc::Status::OK;
+    return As(Right::kSubmit, "FindMissing", context, [&]() -> Status {
+      if (request->scenes_size() > kMaxScenesAsked)
+        return LimitExceeded("more than 1000 scenes in one question");
+      for (const std::string& scene : request->scenes()) {
+        const std::optional<Digest> digest = ToDigest(scene);
+        if (!digest) return BadInput("a digest has 32 bytes");
+        if (!service_.HasScene(*digest)) reply->add_scenes(scene);
+      }
+      return {};
+    });
   }
 
   grpc::Status Upload(Context* context, grpc::ServerReader<v1::UploadRequest>* reader,
                       v1::UploadReply*) override {
-    if (++uploads_ > kMaxUploads) {
+    return As(Right::kSubmit, "Upload", context, [&] {
+      const bool room = ++uploads_ <= kMaxUploads;
+      const Status stored = room ? Receive(reader) : IoError("other scenes are being uploaded; try again");
       --uploads_;
-      return ToGrpc(context, IoError("other scenes are being uploaded; try again"));
-    }
-    Status stored;
+      return stored;
+    });
+  }
+  Status Receive(grpc::ServerReader<v1::UploadRequest>* reader) {
     const auto scene = ReceiveScene(reader, service_.max_scene_bytes());
-    stored = scene.ok() ? service_.PutScene(scene->first, scene->second) : scene.status();
-    --uploads_;
-    return ToGrpc(context, stored);
+    return scene.ok() ? service_.PutScene(scene->first, scene->second) : scene.status();
   }
 
   grpc::Status Submit(Context* context, const v1::SubmitRequest* request, v1::Bake* reply) override {
-    if (request->request().size() > kMaxRequestBytes)
-      return ToGrpc(context, LimitExceeded("a request of more than 64 KiB"));
-    const Result<BakeRequest> parsed = ParseRequest(request->request());
-    return Reply(context, parsed.ok() ? service_.Submit(*parsed) : parsed.status(), reply);
+    return As(Right::kSubmit, "Submit", context, [&]() -> Status {
+      if (request->request().size() > kMaxRequestBytes) return LimitExceeded("a request of more than 64 KiB");
+      GLINT_ASSIGN_OR_RETURN(const BakeRequest parsed, ParseRequest(request->request()));
+      return Reply(service_.Submit(parsed), reply);
+    });
   }
 
-  grpc::Status List(Context*, const v1::ListRequest*, v1::ListReply* reply) override {
-    for (const BakeStatus& bake : service_.List()) Fill(bake, reply->add_bakes());
-    return grpc::Status::OK;
+  grpc::Status List(Context* context, const v1::ListRequest*, v1::ListReply* reply) override {
+    return As(Right::kRead, "List", context, [&] {
+      for (const BakeStatus& bake : service_.List()) Fill(bake, reply->add_bakes());
+      return Status();
+    });
   }
 
   grpc::Status Get(Context* context, const v1::BakeRequest* request, v1::Bake* reply) override {
-    return Reply(context, service_.Get(request->id()), reply);
+    return As(Right::kRead, "Get", context, [&] { return Reply(service_.Get(request->id()), reply); });
   }
   grpc::Status Cancel(Context* context, const v1::BakeRequest* request, v1::Bake* reply) override {
-    return Reply(context, service_.Cancel(request->id()), reply);
+    return As(Right::kSubmit, "Cancel", context,
+              [&] { return Reply(service_.Cancel(request->id()), reply); });
   }
   grpc::Status Resume(Context* context, const v1::BakeRequest* request, v1::Bake* reply) override {
-    return Reply(context, service_.Resume(request->id()), reply);
+    return As(Right::kSubmit, "Resume", context,
+              [&] { return Reply(service_.Resume(request->id()), reply); });
   }
   grpc::Status Delete(Context* context, const v1::BakeRequest* request, v1::DeleteReply*) override {
-    return ToGrpc(context, service_.Delete(request->id()));
+    return As(Right::kAdmin, "Delete", context, [&] { return service_.Delete(request->id()); });
   }
 
   grpc::Status Watch(Context* context, const v1::BakeRequest* request,
                      grpc::ServerWriter<v1::Bake>* writer) override {
-    Result<BakeStatus> status = service_.Get(request->id());
+    return As(Right::kRead, "Watch", context, [&] { return SendChanges(context, request->id(), writer); });
+  }
+  Status SendChanges(Context* context, const std::string& id, grpc::ServerWriter<v1::Bake>* writer) {
+    Result<BakeStatus> status = service_.Get(id);
     for (bool listening = true; listening && status.ok();) {
       v1::Bake message;
       Fill(*status, &message);
       listening = writer->Write(message);
       const uint64_t seen = status->version;
-      if (message.state() != v1::QUEUED && message.state() != v1::RUNNING) return grpc::Status::OK;
+      if (message.state() != v1::QUEUED && message.state() != v1::RUNNING) return {};
       // Not more often than a person can follow; and to notice clients that have gone.
       do {
-        status = service_.Await(request->id(), seen, kWatchPeriod);
-        if (ending_)
-          return ToGrpc(context, IoError("the service ends; it takes the bake up when it is started again"));
+        status = service_.Await(id, seen, kWatchPeriod);
+        if (ending_) return IoError("the service ends; it takes the bake up when it is started again");
       } while (status.ok() && status->version == seen && !context->IsCancelled());
       listening = listening && !context->IsCancelled();
     }
-    return ToGrpc(context, status.status());
+    return status.status();
   }
 
   grpc::Status Fetch(Context* context, const v1::FetchRequest* request,
                      grpc::ServerWriter<v1::FetchReply>* writer) override {
-    const Result<fs::path> path =
-        service_.ResultFile(request->id(), request->what() == v1::FetchRequest::REPORT);
-    return ToGrpc(context, path.ok() ? SendFile(*path, writer) : path.status());
+    return As(Right::kRead, "Fetch", context, [&]() -> Status {
+      const bool report = request->what() == v1::FetchRequest::REPORT;
+      GLINT_ASSIGN_OR_RETURN(const fs::path path, service_.ResultFile(request->id(), report));
+      return SendFile(path, writer);
+    });
   }
 
-  static grpc::Status Reply(Context* context, const Result<BakeStatus>& status, v1::Bake* reply) {
+  static Status Reply(const Result<BakeStatus>& status, v1::Bake* reply) {
     if (status.ok()) Fill(*status, reply);
-    return ToGrpc(context, status.status());
+    return status.status();
   }
 
   BakeService& service_;
+  const std::optional<TokenList> tokens_;
   std::atomic<int> uploads_{0};
   std::atomic<bool> ending_{false};
 };
@@ -265,7 +325,8 @@ Result<std::shared_ptr<grpc::ServerCredentials>> MakeCredentials(const ServerOpt
 
 class GrpcServerImpl : public GrpcServer {
  public:
-  explicit GrpcServerImpl(BakeService* service) : calls_(service) {}
+  GrpcServerImpl(BakeService* service, std::optional<TokenList> tokens)
+      : calls_(service, std::move(tokens)) {}
   ~GrpcServerImpl() override {
     calls_.End();
     if (server_) server_->Shutdown(std::chrono::system_clock::now() + std::chrono::seconds(2));
@@ -295,7 +356,7 @@ class GrpcServerImpl : public GrpcServer {
 }  // namespace
 
 Result<std::unique_ptr<GrpcServer>> GrpcServer::Start(const ServerOptions& options, BakeService* service) {
-  auto server = std::make_unique<GrpcServerImpl>(service);
+  auto server = std::make_unique<GrpcServerImpl>(service, options.tokens);
   GLINT_RETURN_IF_ERROR(server->Listen(options));
   return std::unique_ptr<GrpcServer>(std::move(server));
 }

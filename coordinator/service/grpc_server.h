@@ -1,9 +1,11 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "common/base/status.h"
+#include "coordinator/service/access.h"
 #include "coordinator/service/bake_service.h"
 
 namespace glint {
@@ -13,6 +15,9 @@ struct ServerOptions {
   std::string listen = "127.0.0.1:7117";  ///< HOST:PORT; port 0: any
   std::string cert_file, key_file;        ///< PEM; both or neither: without, only on loopback
   std::string client_ca_file;  ///< PEM; needed with the two above: clients show a certificate of it
+  /// Clients that may call, by their tokens ("authorization: Bearer TOKEN"); none: whoever is let in may do
+  /// everything.
+  std::optional<TokenList> tokens;
 };
 
 /// The network side of a BakeService (proto/glint.proto), until it is destroyed.

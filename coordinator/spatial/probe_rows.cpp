@@ -40,7 +40,11 @@ ProbeRows::ProbeRows(const Input& input)
     : input_(input),
       column_step_(std::max(1u, input.grid.size() / 2 / kDirections)),
       vertex_place_(PlacesOfVertices(*input.domain)) {
-  for (auto& slots : rows_) slots.resize(static_cast<size_t>(input.domain->max_lobes()) + 1);
+  for (int layer = 0; layer < kLayers; ++layer) rows_[layer].resize(LayoutOf(layer).count());
+}
+
+SlotLayout ProbeRows::LayoutOf(int layer) const {
+  return {static_cast<uint32_t>(input_.domain->max_lobes()), input_.settings.StoredLobes(layer)};
 }
 
 Status ProbeRows::Compute(std::span<const uint32_t> nodes) {
@@ -77,16 +81,16 @@ Result<Layer> ProbeRows::RunLayer(int layer) {
   }
   for (int attempt = 0;; ++attempt) {
     GLINT_RETURN_IF_ERROR(input_.executor->Run({tasks, nullptr}, [](size_t, bool) {}));
-    Result<Layer> merged =
-        MergeLayer(*input_.store, tasks, domain, input_.grid, kDefaultTableForm, input_.threads);
+    Result<Layer> merged = MergeLayer(*input_.store, tasks, domain, input_.grid, LayoutOf(layer).slice_lobes,
+                                      kDefaultTableForm, input_.threads);
     if (merged.ok() || merged.status().kind() != ErrorKind::kMismatch || attempt > 0) return merged;
   }
 }
 
 void ProbeRows::Append(int layer, const LayerViews& views) {
-  for (size_t slot = 0; slot < rows_[layer].size(); ++slot) {
-    const bool diffuse = slot + 1 == rows_[layer].size();
-    const SliceTableView& table = diffuse ? views.diffuse : views.specular[slot];
+  const SlotLayout layout = LayoutOf(layer);
+  for (uint32_t slot = 0; slot < layout.count(); ++slot) {
+    const SliceTableView& table = views.table(slot / layout.stride(), slot % layout.stride());
     BlockRows& rows = rows_[layer][slot];
     for (uint32_t r = 0; r < table.rows(); ++r) {
       rows.BeginRow();
@@ -100,19 +104,17 @@ void ProbeRows::Append(int layer, const LayerViews& views) {
 
 Status ProbeRows::FinishTables() {
   for (int layer = 0; layer < kLayers; ++layer) {
+    const SlotLayout layout = LayoutOf(layer);
     tables_[layer].clear();
     views_[layer] = {};
     const uint32_t entry_bytes = layer == 0 ? kDirectEntryBytes : kIndirectEntryBytes;
-    for (const BlockRows& rows : rows_[layer]) {
-      const bool diffuse = &rows == &rows_[layer].back();
-      tables_[layer].push_back(MakeTable(rows, diffuse ? 2 : input_.grid.size(), entry_bytes));
+    for (uint32_t slot = 0; slot < layout.count(); ++slot) {
+      const bool diffuse = layout.is_diffuse(slot);
+      tables_[layer].push_back(MakeTable(rows_[layer][slot], diffuse ? 2 : input_.grid.size(), entry_bytes,
+                                         kDefaultTableForm));
+      GLINT_ASSIGN_OR_RETURN(const SliceTableView view, SliceTableView::Parse(tables_[layer].back()));
+      views_[layer].Add(slot / layout.stride(), diffuse, view);
     }
-    for (const auto& bytes : tables_[layer]) {
-      GLINT_ASSIGN_OR_RETURN(const SliceTableView view, SliceTableView::Parse(bytes));
-      views_[layer].specular.push_back(view);
-    }
-    views_[layer].diffuse = views_[layer].specular.back();
-    views_[layer].specular.pop_back();
   }
   return {};
 }

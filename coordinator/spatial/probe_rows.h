@@ -49,6 +49,7 @@ class ProbeRows {
   /// About as many directions are enough to tell whether a prediction is good.
   static constexpr uint32_t kDirections = 48;
 
+  SlotLayout LayoutOf(int layer) const;
   Result<Layer> RunLayer(int layer);
   void Append(int layer, const LayerViews& views);
   Status FinishTables();

@@ -75,14 +75,17 @@ inline BakeDomain MakeDomain(uint32_t vertices, uint32_t triangles, int lobes) {
 }
 
 inline std::vector<std::byte> MakeTable(const BakeDomain& domain, uint32_t columns, bool direct, bool diffuse,
-                                        TableForm form, uint64_t seed) {
+                                        TableForm form, uint64_t seed, int lobe = 0) {
   SliceTableBuilder builder(domain.vertex_count(), columns, direct ? kDirectEntryBytes : kIndirectEntryBytes);
   for (uint32_t v = 0; v < domain.vertex_count(); ++v) {
-    CounterRng rng(seed, v);
+    CounterRng rng(seed, v, static_cast<uint32_t>(lobe));
     std::vector<uint16_t> taken;
     std::vector<std::byte> entries;
     for (uint32_t c = 0; c < columns; ++c) {
-      if (rng.Uniform() < 0.7f || (diffuse && c == 1 && !domain.double_sided[v])) continue;
+      // Every third slice has a second lobe, and so on.
+      const float stored = CounterRng(seed, v, c, 7).Uniform();
+      if (stored > 0.3f * std::pow(1 / 3.0f, static_cast<float>(lobe))) continue;
+      if (diffuse && c == 1 && !domain.double_sided[v]) continue;
       taken.push_back(static_cast<uint16_t>(c));
       entries.resize(entries.size() + 12);
       std::byte* out = entries.data() + entries.size() - 12;
@@ -99,17 +102,18 @@ inline std::vector<std::byte> MakeTable(const BakeDomain& domain, uint32_t colum
 
 /// Everything that WriteArchive needs; grid level 0 (12 directions) keeps it small.
 inline Content MakeContent(uint32_t vertices = 9, uint32_t triangles = 7, int lobes = 2, int layers = 2,
-                           TableForm form = TableForm::kCompact) {
+                           TableForm form = TableForm::kCompact, int slice_lobes = 2) {
   Content c;
   c.domain = MakeDomain(vertices, triangles, lobes);
   c.tables.resize(layers);
   for (int layer = 0; layer < layers; ++layer) {
-    for (int slot = 0; slot <= lobes; ++slot) {
-      c.tables[layer].push_back(MakeTable(c.domain, slot == lobes ? 2 : 12, layer == 0, slot == lobes, form,
-                                          static_cast<uint64_t>(layer * 10 + slot)));
-    }
+    for (int lobe = 0; lobe < (layer == 0 ? 1 : slice_lobes); ++lobe)
+      for (int slot = 0; slot <= lobes; ++slot)
+        c.tables[layer].push_back(MakeTable(c.domain, slot == lobes ? 2 : 12, layer == 0, slot == lobes, form,
+                                            static_cast<uint64_t>(layer * 10 + slot), lobe));
   }
   c.content.grid_level = 0;
+  c.content.slice_lobes = slice_lobes;
   c.content.cameras = {{"main", {0.1f, 2, 3}, {0, 0, -1}, {0, 1, 0}, 0.7f},
                        {"\"caf\u00e9\"", {}, {1, 0, 0}, {0, 0, 1}, 1}};
   c.content.report_json = "{\"seconds\": 1.25,\n \"note\": \"kept as it is\"}";

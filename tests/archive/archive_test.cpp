@@ -101,6 +101,7 @@ void ExpectSameCells(std::span<const std::byte> want_bytes, const SliceTableView
 void ExpectHolds(const Archive& archive, const Content& c) {
   ExpectSameDomain(c.domain, archive.domain());
   EXPECT_EQ(archive.grid_level(), c.content.grid_level);
+  EXPECT_EQ(archive.MakeGrid().base_level(), c.content.grid_level);
   EXPECT_EQ(archive.report_json(), c.content.report_json);
   EXPECT_EQ(archive.archive_key(), c.content.archive_key);
   ASSERT_EQ(archive.cameras().size(), c.content.cameras.size());
@@ -114,16 +115,18 @@ void ExpectHolds(const Archive& archive, const Content& c) {
   }
   ASSERT_EQ(archive.layers().size(), c.tables.size());
   for (size_t i = 0; i < c.tables.size(); ++i) {
-    ASSERT_EQ(archive.layers()[i].specular.size() + 1, c.tables[i].size());
-    for (size_t k = 0; k + 1 < c.tables[i].size(); ++k) {
-      ExpectSameCells(c.tables[i][k], archive.layers()[i].specular[k]);
+    const LayerViews& layer = archive.layers()[i];
+    const uint32_t slots = layer.diffuse_slot() + 1;
+    ASSERT_EQ(layer.lobes(), i == 0 ? 1u : static_cast<uint32_t>(c.content.slice_lobes));
+    ASSERT_EQ(slots * layer.lobes(), c.tables[i].size());
+    for (uint32_t k = 0; k < c.tables[i].size(); ++k) {
+      ExpectSameCells(c.tables[i][k], layer.table(k / slots, k % slots));
     }
-    ExpectSameCells(c.tables[i].back(), archive.layers()[i].diffuse);
   }
 }
 
 TEST_F(ArchiveTest, HoldsWhatWasWritten) {
-  for (const TableForm form : {TableForm::kCompact, TableForm::kClassic}) {
+  for (const TableForm form : {TableForm::kCompact, TableForm::kClassic, TableForm::kSegmented}) {
     Content c = MakeContent(300, 500, 3, 3, form);
     const auto bytes = Write(&c);
     for (const bool verify : {true, false}) {
@@ -156,6 +159,7 @@ TEST_F(ArchiveTest, EmptyDomain) {
   Content c = MakeContent(9, 7, 1, 1);
   c.domain = {};
   c.tables = {{SliceTableBuilder(0, 2, 12).Finish()}};
+  c.content.slice_lobes = 1;
   c.content.cameras.clear();
   c.content.report_json.clear();
   Write(&c);
@@ -175,7 +179,7 @@ TEST_F(ArchiveTest, SectionsTellWhereBytesAre) {
   const auto bytes = Write(&c);
   const auto archive = Archive::Open(Path());
   ASSERT_TRUE(archive.ok());
-  ASSERT_EQ(archive->sections().size(), 6u + 2 * 3);
+  ASSERT_EQ(archive->sections().size(), 6u + 3 + 2 * 3);
   uint64_t end = archive_format::kHeaderBytes;
   for (const SectionInfo& s : archive->sections()) {
     EXPECT_EQ(s.offset % 64, 0u);
@@ -184,8 +188,8 @@ TEST_F(ArchiveTest, SectionsTellWhereBytesAre) {
   }
   EXPECT_EQ(archive->sections()[0].name, "geometry");
   EXPECT_EQ(archive->sections()[0].raw_bytes, 9u * 24 + 7 * 12);
-  EXPECT_EQ(archive->sections().back().name, "table 1/2");
-  EXPECT_EQ(archive->sections().back().raw_bytes, c.tables[1][2].size());
+  EXPECT_EQ(archive->sections().back().name, "table 1/5");
+  EXPECT_EQ(archive->sections().back().raw_bytes, c.tables[1][5].size());
 }
 
 TEST_F(ArchiveTest, EveryTruncationIsRefused) {
@@ -238,6 +242,9 @@ TEST_F(ArchiveTest, OtherFilesAndVersionsAreNamed) {
   EXPECT_NE(other.status().message().find("not a Glint archive"), std::string::npos);
   Content c = MakeContent();
   auto bytes = Write(&c);
+  bytes[8] = std::byte{1};
+  Reseal(bytes);
+  EXPECT_NE(Archive::FromMemory(bytes, "old").status().message().find("bake it again"), std::string::npos);
   bytes[8] = std::byte{9};
   Reseal(bytes);
   EXPECT_NE(Archive::FromMemory(bytes, "new").status().message().find("format version 9"), std::string::npos);
@@ -247,7 +254,7 @@ TEST_F(ArchiveTest, OtherFilesAndVersionsAreNamed) {
 /// Behind the checksums: hostile values in headers and sections are refused or harmless. Run under
 /// AddressSanitizer for the full worth of it.
 TEST_F(ArchiveTest, ResealedDamageIsRefusedOrHarmless) {
-  for (const TableForm form : {TableForm::kCompact, TableForm::kClassic}) {
+  for (const TableForm form : {TableForm::kCompact, TableForm::kClassic, TableForm::kSegmented}) {
     Content c = MakeContent(9, 7, 2, 2, form);
     const auto good = Write(&c);
     int refused = 0, accepted = 0;
@@ -255,9 +262,9 @@ TEST_F(ArchiveTest, ResealedDamageIsRefusedOrHarmless) {
       CounterRng rng(23, i);
       auto bad = good;
       // Headers and records are a small part of the bytes: half of the flips go there.
-      const size_t frame_at = bad.size() - 64 - 12 * 64;
+      const size_t frame_at = bad.size() - 64 - 15 * 64;
       const size_t at = i % 4 == 0   ? rng.Bits() % 128
-                        : i % 4 == 1 ? frame_at + rng.Bits() % (13 * 64)
+                        : i % 4 == 1 ? frame_at + rng.Bits() % (16 * 64)
                                      : rng.Bits() % bad.size();
       bad[at] = static_cast<std::byte>(rng.Bits() & 255);
       Reseal(bad);
@@ -266,15 +273,14 @@ TEST_F(ArchiveTest, ResealedDamageIsRefusedOrHarmless) {
       if (!archive.ok()) continue;
       uint64_t entries = 0;
       for (const LayerViews& layer : archive->layers()) {
-        for (uint32_t row = 0; row < layer.diffuse.rows(); ++row) {
-          layer.diffuse.Row(row).ForEach(
-              [&](uint32_t, const std::byte* e) { entries += e[11] == std::byte{0}; });
-          for (const auto& table : layer.specular) {
-            table.Row(row).ForEach([&](uint32_t, const std::byte* e) { entries += e[11] == std::byte{0}; });
+        for (uint32_t lobe = 0; lobe < layer.lobes(); ++lobe)
+          for (uint32_t slot = 0; slot <= layer.diffuse_slot(); ++slot) {
+            const SliceTableView& table = layer.table(lobe, slot);
+            for (uint32_t row = 0; row < table.rows(); ++row)
+              table.Row(row).ForEach([&](uint32_t, const std::byte* e) { entries += e[11] == std::byte{0}; });
           }
-        }
       }
-      ASSERT_LE(entries, 2u * 9 * 26);
+      ASSERT_LE(entries, 3u * 9 * 26);
       for (const auto& t : archive->domain().triangles) {
         ASSERT_LT(std::max({t[0], t[1], t[2]}), archive->domain().vertex_count());
       }
@@ -329,6 +335,9 @@ TEST_F(ArchiveTest, WriterRefusesWhatWouldNotOpen) {
   EXPECT_EQ(WriteArchive(Path(), Link(&c)).kind(), ErrorKind::kInternal);
   c = MakeContent();
   std::swap(c.tables[0].front(), c.tables[0].back());
+  EXPECT_EQ(WriteArchive(Path(), Link(&c)).kind(), ErrorKind::kInternal);
+  c = MakeContent();
+  c.content.slice_lobes = 5;
   EXPECT_EQ(WriteArchive(Path(), Link(&c)).kind(), ErrorKind::kInternal);
   c = MakeContent();
   c.content.grid_level = 1;
@@ -392,6 +401,12 @@ TEST_F(ArchiveTest, VerifySeesWhatOpeningDoesNot) {
   EXPECT_EQ(with(FirstEntry(good, 1, false), 0x7C00).kind(), ErrorKind::kMismatch);     // infinite alpha
   EXPECT_EQ(with(FirstEntry(good, 1, true) + 6, 0x8000).kind(), ErrorKind::kMismatch);  // reserved direction
   EXPECT_TRUE(with(FirstEntry(good, 1, false) + 10, 0x1234).ok());                      // another kappa
+
+  c = MakeContent();
+  c.tables[1][0] = SliceTableBuilder(9, 12, 12).Finish();  // second lobes without first ones
+  const Status gap = Verify(Write(&c));
+  EXPECT_EQ(gap.kind(), ErrorKind::kMismatch);
+  EXPECT_NE(gap.message().find("without the one before"), std::string::npos) << gap.message();
 
   c = MakeContent();
   c.domain.specular[3].y = -0.1f;

@@ -12,7 +12,7 @@ namespace glint {
 namespace {
 
 constexpr uint32_t kEntryBytes = 12;
-constexpr uint32_t kSlots = 3;  // two lobes, then diffuse
+constexpr SlotLayout kLayout{2, 2};  // two lobes, then diffuse; and the same for second lobes
 constexpr GatherBlock kBlock{100, 6, 0, 20};
 
 /// Some rows with `columns` columns from `first` on, about a third of them present.
@@ -33,14 +33,16 @@ BlockRows MakeRows(uint32_t rows, uint32_t first, uint32_t columns, uint64_t see
 BlockResult MakeResult(const GatherBlock& block = kBlock) {
   BlockResult result;
   result.counters = {12345678901234ull, 77};
-  for (uint32_t slot = 0; slot + 1 < kSlots; ++slot)
-    result.slots.push_back(MakeRows(block.vertices, block.first_column, block.columns, slot));
-  result.slots.push_back(block.first_column == 0 ? MakeRows(block.vertices, 0, 2, 9) : BlockRows());
+  for (uint32_t slot = 0; slot < kLayout.count(); ++slot)
+    result.slots.push_back(!kLayout.is_diffuse(slot)
+                               ? MakeRows(block.vertices, block.first_column, block.columns, slot)
+                           : block.first_column == 0 ? MakeRows(block.vertices, 0, 2, 9 + slot)
+                                                     : BlockRows());
   return result;
 }
 
 Result<BlockResult> Parse(const std::vector<std::byte>& bytes, const GatherBlock& block = kBlock) {
-  return ParseBlock(bytes, block, kSlots, kEntryBytes);
+  return ParseBlock(bytes, block, kLayout, kEntryBytes);
 }
 
 void ExpectDamaged(const std::vector<std::byte>& bytes, const std::string& what) {
@@ -72,7 +74,7 @@ TEST(ChunkTest, RoundTrip) {
 
 TEST(ChunkTest, NothingStoredRoundTrips) {
   BlockResult result;
-  result.slots.resize(kSlots);
+  result.slots.resize(kLayout.count());
   for (BlockRows& rows : result.slots)
     for (uint32_t v = 0; v < kBlock.vertices; ++v) rows.BeginRow();
   const Result<BlockResult> parsed = Parse(SerializeBlock(result));

@@ -11,7 +11,7 @@
 namespace glint {
 namespace {
 
-constexpr TableForm kForms[] = {TableForm::kClassic, TableForm::kCompact};
+constexpr TableForm kForms[] = {TableForm::kClassic, TableForm::kCompact, TableForm::kSegmented};
 
 /// A table as a map, to compare with.
 struct Model {

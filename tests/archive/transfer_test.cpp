@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <map>
@@ -11,6 +12,7 @@
 
 #include "common/archive/lobe_codec.h"
 #include "common/base/rng.h"
+#include "common/domain/bake_settings.h"
 
 namespace glint {
 namespace {
@@ -38,7 +40,10 @@ class TransferTest : public testing::Test {
     domain_.double_sided.assign(3, 1);
   }
   void SetDirect(Cell cell, const DirectLobe& lobe) { direct_[cell] = lobe; }
-  void SetIndirect(Cell cell, const IndirectLobe& lobe) { indirect_[cell] = lobe; }
+  /// @param lobe_index  0: the slice's first lobe
+  void SetIndirect(Cell cell, const IndirectLobe& lobe, int lobe_index = 0) {
+    indirect_[lobe_index][cell] = lobe;
+  }
 
   /// Reads layer 0 or 1 at a point. Empty where nothing is reflected.
   LayerLobes Read(int layer, float u, float v, const glm::vec3& wo) {
@@ -89,21 +94,18 @@ class TransferTest : public testing::Test {
   }
   LayerViews Build(int layer) {
     LayerViews views;
-    for (const auto& [first, columns] : {Cell{0, grid_.size()}, Cell{kDiffuse, 2}}) {
-      const SliceTableView view =
-          layer == 0 ? Keep(Table(direct_, first, columns, kDirectEntryBytes, EncodeDirect))
-                     : Keep(Table(indirect_, first, columns, kIndirectEntryBytes, EncodeIndirect));
-      if (first == kDiffuse) {
-        views.diffuse = view;
-      } else {
-        views.specular.assign(1, view);
-      }
-    }
+    const uint32_t lobes = layer == 0 ? 1 : kMaxSliceLobes;
+    for (uint32_t lobe = 0; lobe < lobes; ++lobe)
+      for (const auto& [first, columns] : {Cell{0, grid_.size()}, Cell{kDiffuse, 2}})
+        views.Add(
+            lobe, first == kDiffuse,
+            Keep(layer == 0 ? Table(direct_, first, columns, kDirectEntryBytes, EncodeDirect)
+                            : Table(indirect_[lobe], first, columns, kIndirectEntryBytes, EncodeIndirect)));
     return views;
   }
 
   std::map<Cell, DirectLobe> direct_;
-  std::map<Cell, IndirectLobe> indirect_;
+  std::array<std::map<Cell, IndirectLobe>, kMaxSliceLobes> indirect_;
   std::vector<std::unique_ptr<std::vector<std::byte>>> bytes_;
 };
 
@@ -207,6 +209,65 @@ TEST_F(TransferTest, NearLobesAreAveragedAndFarOnesKeptApart) {
   ASSERT_EQ(near.count, 1);
   EXPECT_LT(glm::distance(near.lobe[0].alpha, 0.75f * weight), 1e-3f);
   EXPECT_LT(glm::distance(near.lobe[0].mu, glm::normalize(2.0f * a + close)), 0.01f);
+}
+
+/// Total light of what was read.
+glm::vec3 Light(const LayerLobes& lobes) {
+  glm::vec3 sum(0);
+  for (int i = 0; i < lobes.count; ++i) sum += lobes.lobe[i].alpha;
+  return sum;
+}
+
+TEST_F(TransferTest, ASlicesLobesAreReadAsTheyWereStored) {
+  const uint32_t column = SlantedColumn();
+  const glm::vec3 wo = grid_.direction(column), weight = Read(0, 0, 1, wo).lobe[0].alpha;
+  // Strongest first, as slices are stored.
+  const IndirectLobe lobes[3] = {{{0.1f, 0.3f, 0.1f}, glm::normalize(glm::vec3(-1, 0.3f, 0)), 60},
+                                 {{0.5f, 0.1f, 0.1f}, glm::normalize(glm::vec3(-1, 0.1f, 0)), 40},
+                                 {{0.1f, 0.1f, 0.2f}, glm::normalize(glm::vec3(1, 0.1f, 0)), 20}};
+  for (int i = 0; i < 3; ++i) SetIndirect({2, column}, lobes[i], i);
+  const LayerLobes read = Read(1, 0, 1, wo);
+  ASSERT_EQ(read.count, 3);  // near ones, too, stay what they are
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_LT(glm::distance(read.lobe[i].alpha, weight * lobes[i].alpha), 1e-3f);
+    EXPECT_LT(glm::distance(read.lobe[i].mu, lobes[i].mu), 1e-3f);
+    EXPECT_NEAR(read.lobe[i].kappa / lobes[i].kappa, 1, 1e-3);
+  }
+}
+
+TEST_F(TransferTest, LobesAreMatchedBetweenCorners) {
+  const uint32_t column = SlantedColumn();
+  const glm::vec3 wo = grid_.direction(column), weight = Read(0, 0.5f, 0, wo).lobe[0].alpha;
+  const glm::vec3 left = glm::normalize(glm::vec3(-1, 0.2f, 0)),
+                  right = glm::normalize(glm::vec3(1, 0.2f, 0));
+  const glm::vec3 near_left = glm::normalize(left + glm::vec3(0, 0.1f, 0.05f));
+  SetIndirect({0, column}, {glm::vec3(1), left, 50}, 0);
+  SetIndirect({0, column}, {glm::vec3(0.5f), right, 50}, 1);
+  SetIndirect({1, column}, {glm::vec3(0.75f), right, 50}, 0);  // stronger here: another order
+  SetIndirect({1, column}, {glm::vec3(0.5f), near_left, 50}, 1);
+  const LayerLobes read = Read(1, 0.5f, 0, wo);
+  ASSERT_EQ(read.count, 2);
+  EXPECT_LT(glm::distance(read.lobe[0].alpha, 0.75f * weight), 1e-3f);
+  EXPECT_LT(glm::distance(read.lobe[0].mu, glm::normalize(2.0f * left + near_left)), 0.01f);
+  EXPECT_LT(glm::distance(read.lobe[1].alpha, 0.625f * weight), 1e-3f);
+  EXPECT_LT(glm::distance(read.lobe[1].mu, right), 1e-3f);
+}
+
+TEST_F(TransferTest, ManyUnlikeLobesLoseNoLight) {
+  CounterRng rng(9, 4);
+  glm::vec3 sum(0);
+  const uint32_t column = SlantedColumn();
+  const glm::vec3 wo = grid_.direction(column), weight = Read(0, 0.3f, 0.3f, wo).lobe[0].alpha;
+  for (uint32_t v = 0; v < 3; ++v)
+    for (int i = 0; i < kMaxSliceLobes; ++i) {
+      const float z = 2 * rng.Uniform() - 1, phi = 6.28f * rng.Uniform(), r = std::sqrt(1 - z * z);
+      const glm::vec3 alpha(0.5f, 0.25f, 0.125f);
+      SetIndirect({v, column}, {alpha, {r * std::cos(phi), r * std::sin(phi), z}, 1e4f}, i);
+      sum += (v == 0 ? 0.4f : 0.3f) * alpha;
+    }
+  const LayerLobes read = Read(1, 0.3f, 0.3f, wo);
+  EXPECT_LE(read.count, kMaxGroups);
+  EXPECT_LT(glm::distance(Light(read), sum * weight), 2e-3f);
 }
 
 TEST_F(TransferTest, SingleSidedSurfacesReflectNothingFromBehind) {

@@ -4,7 +4,8 @@
 //
 //   glint_benchmark_error_estimate [--scenes teapot,goblets] [--exponents 0] [--vertices 3000] [--layers 2]
 //                                  [--skies procedural:studio,procedural:sunset] [--views 8] [--size 96]
-//                                  [--spp 128] [--slices N] [--threads N]
+//                                  [--spp 128] [--slices N] [--threads N] [--slice-lobes N]
+//                                  [--lobe-tolerance X]
 //
 // Exponent 0 keeps the scene's own materials. --slices: for an estimate of more slices than the bake's own.
 
@@ -56,10 +57,9 @@ ErrorEstimate Estimate(const Scene& scene, const Archive& archive, const Argumen
   EstimateOptions options;
   options.slices = args.slices > 0 ? args.slices : DefaultEstimateSlices(archive.domain().vertex_count());
   options.seed = args.bake.settings.seed;
-  options.drop = args.bake.settings.drop;
+  options.read_out = args.bake.settings.read_out();
   options.threads = args.bake.threads;
-  return Need(
-      EstimateError(archive.domain(), rays, DirectionGrid(archive.grid_level()), archive.layers(), options));
+  return Need(EstimateError(archive.domain(), rays, archive.MakeGrid(), archive.layers(), options));
 }
 
 double CpuSeconds() {
@@ -129,6 +129,10 @@ Arguments Parse(int argc, char** argv) {
       args.relit.size = std::stoi(value);
     } else if (key == "--spp") {
       args.relit.samples = std::stoi(value);
+    } else if (key == "--slice-lobes") {
+      args.bake.settings.slice_lobes = std::stoi(value);
+    } else if (key == "--lobe-tolerance") {
+      args.bake.settings.lobe_tolerance = std::stof(value);
     } else if (key == "--slices") {
       args.slices = static_cast<uint32_t>(std::stoul(value));
     } else if (key == "--threads") {

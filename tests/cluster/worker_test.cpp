@@ -14,6 +14,7 @@
 #include "tests/coordinator/bake_fixture.h"
 #include "worker/execution_id.h"
 #include "worker/isolated_task.h"
+#include "worker/worker_metrics.h"
 
 namespace glint {
 namespace {
@@ -53,13 +54,13 @@ class WorkerTest : public testing::Test {
     ASSERT_TRUE(queue_.Publish(bake_.bake, messages).ok());
   }
   /// Runs the worker until the queue is empty, or for a moment if nothing is to be taken.
-  WorkerCounts Work(bool takes = true) {
+  WorkerCounts Work(bool takes = true, WorkerMeter* meter = nullptr) {
     std::thread stopper([&] {
       for (int i = 0; i < (takes ? 20'000 : 200) && (!takes || queue_.Queued() > 0); ++i)
         std::this_thread::sleep_for(std::chrono::milliseconds(2));
       RequestStop();
     });
-    const WorkerCounts counts = RunWorker(&queue_, options_);
+    const WorkerCounts counts = RunWorker(&queue_, options_, meter);
     stopper.join();
     ClearStop();
     return counts;
@@ -89,6 +90,25 @@ TEST_F(WorkerTest, ComputesWhatIsMissingAndFindsTheRest) {
   for (const size_t task : {0, 1, 2, 3}) EXPECT_TRUE(HasResult(task)) << task;
   EXPECT_FALSE(HasResult(4));
   EXPECT_EQ(queue_.done, 6u);
+}
+
+TEST_F(WorkerTest, CountsForWhoeverWatches) {
+  ASSERT_TRUE(queue_.Open(bake_).ok());
+  Publish({0, 1});
+  WorkerMeter meter;
+  Work(true, &meter);
+  EXPECT_EQ(meter.computed, 2u);
+  EXPECT_EQ(meter.redelivered, 0u);
+  EXPECT_EQ(meter.busy, 0);
+  EXPECT_GT(meter.rays, 0u);
+  EXPECT_GT(meter.round_seconds, 0);
+  EXPECT_GT(meter.gather_seconds, 0);
+  EXPECT_GT(meter.publish_seconds, 0);
+  const std::string text = ToPrometheus(WorkerMetrics(meter, 2));
+  for (const std::string& line : {std::string("glint_worker_tasks_total{outcome=\"computed\"} 2\n"),
+                                  "glint_worker_rays_total " + std::to_string(meter.rays) + "\n",
+                                  std::string("glint_worker_own_threads{state=\"all\"} 2\n")})
+    EXPECT_NE(text.find(line), std::string::npos) << line << text;
 }
 
 TEST_F(WorkerTest, TakesNoTaskThatItCannotCompute) {
@@ -141,7 +161,9 @@ class WorkerProgramTest : public WorkerTest {
 
 TEST_F(WorkerProgramTest, RunsWhatComesBackApartAndGivesItUpTheThirdTime) {
   Install("echo \"about to fall: $*\" >&2; kill -SEGV $$");
-  const WorkerCounts counts = Work();
+  WorkerMeter meter;
+  const WorkerCounts counts = Work(true, &meter);
+  EXPECT_EQ(meter.redelivered, 2u);
   EXPECT_EQ(counts.returned, 1u);
   EXPECT_EQ(counts.given_up, 1u);
   const std::optional<QuarantineRecord> record = Record();

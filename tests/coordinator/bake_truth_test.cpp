@@ -50,9 +50,9 @@ TEST_P(BakeTruthTest, ASphereAloneStoresNothing) {
   const auto baked = BakeHere(Generated("sphere", 600), options);
   // The first indirect layer is found to be empty, and no further one is tried.
   ASSERT_EQ(baked->report.layers.size(), 2u);
-  EXPECT_EQ(baked->report.layers[0].stored, 0u);
+  EXPECT_EQ(baked->report.layers[0].stored[0], 0u);
   EXPECT_EQ(baked->report.layers[0].energy, 1.0);
-  EXPECT_EQ(baked->report.layers[1].stored, 0u);
+  EXPECT_EQ(baked->report.layers[1].stored[0], 0u);
   EXPECT_EQ(baked->report.layers[1].energy, 0.0);
   EXPECT_TRUE(baked->report.complete);
 }
@@ -67,7 +67,7 @@ TEST_P(BakeTruthTest, NothingReachesTheSkyFromInsideAFurnace) {
     EXPECT_EQ(DecodeDirect(entry).fraction, 0.0f) << "vertex " << v;
   }
   for (size_t layer = 1; layer < layers.size(); ++layer) {
-    EXPECT_EQ(baked->report.layers[layer].stored, 0u);
+    EXPECT_EQ(baked->report.layers[layer].stored[0], 0u);
     EXPECT_EQ(baked->report.layers[layer].energy, 0.0);
   }
 

@@ -42,11 +42,10 @@ std::unique_ptr<Baked> BakeHere(const Scene& scene, const BakeOptions& options) 
 }
 
 ErrorEstimate EstimateOf(const Archive& archive, uint32_t slices, int threads = 2,
-                         float drop = BakeSettings().drop) {
+                         const ReadOut& read_out = SmallOptions().settings.read_out()) {
   const RayScene rays(BareScene(archive.domain()));
-  Result<ErrorEstimate> estimate =
-      EstimateError(archive.domain(), rays, DirectionGrid(archive.grid_level()), archive.layers(),
-                    {slices, BakeSettings().seed, drop, threads});
+  Result<ErrorEstimate> estimate = EstimateError(archive.domain(), rays, archive.MakeGrid(), archive.layers(),
+                                                 {slices, BakeSettings().seed, read_out, threads});
   EXPECT_TRUE(estimate.ok()) << estimate.status().message();
   return *estimate;
 }
@@ -106,6 +105,20 @@ TEST(ErrorEstimateTest, FewRaysAreAnErrorOfRays) {
   const double many = PartOf(ErrorCause::kRays, 1000, 2, 2048, 32);
   std::printf("  rays: %.4f with 36 a vertex, %.4f with a few hundred\n", few, many);
   EXPECT_GT(few, 2 * many);
+}
+
+TEST(ErrorEstimateTest, SeveralLobesTakeAwayAnErrorOfLobes) {
+  const auto part = [](int slice_lobes) {
+    BakeOptions options = SmallOptions();
+    options.settings.slice_lobes = slice_lobes;
+    options.max_layers = 1;
+    const auto baked = BakeHere(Generated("goblets", 500, 64), options);
+    const ErrorEstimate estimate = EstimateOf(*baked->archive, 1024, 2, options.settings.read_out());
+    return Part(estimate.layers[1], ErrorCause::kLobes);
+  };
+  const double one = part(1), four = part(kMaxSliceLobes);
+  std::printf("  lobes: %.4f with one, %.4f with up to four\n", one, four);
+  EXPECT_LT(four, 0.85 * one);
 }
 
 TEST(ErrorEstimateTest, AnyNumberOfThreadsFindsTheSame) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
 
@@ -15,28 +16,11 @@
 namespace glint {
 namespace {
 
+using bake_fixture::BallOnFloor;
 using bake_fixture::BytesOf;
 using bake_fixture::Generated;
 using bake_fixture::GeneratedPaint;
 using bake_fixture::SmallOptions;
-
-/// A floor of two triangles under a ball: far too few vertices beside enough of them.
-Scene BallOnFloor() {
-  Scene scene = Generated("sphere", 700);
-  const auto first = static_cast<uint32_t>(scene.positions.size());
-  for (const glm::vec2 corner : {glm::vec2(-4, -4), {-4, 4}, {4, 4}, {4, -4}}) {
-    scene.positions.push_back({corner.x, -1.1f, corner.y});
-    scene.normals.push_back({0, 1, 0});
-    scene.uvs.push_back({0, 0});
-    scene.colors.push_back({1, 1, 1, 1});
-    scene.vertex_material.push_back(0);
-  }
-  scene.triangles.push_back({first, first + 1, first + 2});
-  scene.triangles.push_back({first, first + 2, first + 3});
-  scene.triangle_material.insert(scene.triangle_material.end(), 2, 0);
-  scene.content = HashScene(scene);
-  return scene;
-}
 
 struct Baked {
   BakeReport report;
@@ -58,22 +42,6 @@ BakeOptions Refined(float tolerance) {
   options.settings.spatial_tolerance = tolerance;
   options.settings.smallest_edge = 1.0f / 32;
   return options;
-}
-
-TEST(RefineTest, ThreadsAndPartitionDoNotShow) {
-  const Scene scene = BallOnFloor();
-  BakeOptions options = Refined(0.1f);
-  options.threads = 1;
-  const Baked expected = BakeHere(scene, options);
-  ASSERT_FALSE(expected.archive.empty());
-  EXPECT_GT(expected.report.refinement->middles, 0u);
-  options.threads = 3;
-  options.vertices_per_task = 37;
-  options.directions_per_task = 13;
-  options.memory_bytes = 1;
-  const Baked other = BakeHere(scene, options);
-  EXPECT_TRUE(other.archive == expected.archive);
-  EXPECT_EQ(other.report.deterministic_json, expected.report.deterministic_json);
 }
 
 TEST(RefineTest, FewVerticesWhereNothingHappensAndManyWhereItDoes) {
@@ -127,17 +95,42 @@ TEST(RefineTest, EvenSubdivisionHalvesEveryEdge) {
   EXPECT_EQ(BakeScene(scene, "scene", folder / "out.glint", options).status().kind(), ErrorKind::kUsage);
 }
 
+TEST(RefineTest, TheSurfaceStaysAsItIs) {
+  const Scene scene = BallOnFloor();
+  BakeOptions options = Refined(0);
+  const Baked plain = BakeHere(scene, options);
+  options.settings.spatial_tolerance = 0.1f;
+  const Baked refined = BakeHere(scene, options);
+  const Result<Archive> a = Archive::FromMemory(plain.archive, "plain"),
+                        b = Archive::FromMemory(refined.archive, "refined");
+  ASSERT_TRUE(a.ok() && b.ok());
+  EXPECT_FALSE(b->domain().nodes.every_vertex());
+  EXPECT_EQ(a->domain().positions, b->domain().positions);
+  EXPECT_EQ(a->domain().normals, b->domain().normals);
+  EXPECT_EQ(a->domain().triangles, b->domain().triangles);
+  EXPECT_EQ(a->domain().specular, b->domain().specular);
+}
+
 TEST(RefineTest, SurvivesBrokenSurfaces) {
   Scene scene = GeneratedPaint("planes", 60);
   const auto first = scene.triangles[0];
   scene.triangles.push_back(first);                           // twice
   scene.triangles.push_back({first[1], first[0], first[2]});  // and inside out
-  scene.triangle_material.insert(scene.triangle_material.end(), 2, 0);
+  scene.triangles.push_back({first[0], first[0], first[2]});  // and without area
+  scene.triangle_material.insert(scene.triangle_material.end(), 3, 0);
   scene.content = HashScene(scene);
   const Baked baked = BakeHere(scene, Refined(0.1f));
   ASSERT_FALSE(baked.archive.empty());
   EXPECT_EQ(baked.report.refinement->non_manifold, 2u);
-  EXPECT_FALSE(baked.report.notes.empty());
+  EXPECT_EQ(baked.report.refinement->degenerate, 1u);
+  EXPECT_GE(baked.report.notes.size(), 2u);
+  const Result<Archive> archive = Archive::FromMemory(baked.archive, "broken");
+  ASSERT_TRUE(archive.ok());
+  const BakeDomain& domain = archive->domain();
+  const std::vector<uint32_t> welded = WeldVertices(domain);
+  for (const uint32_t v : first)
+    EXPECT_EQ(std::count(domain.nodes.rows.begin(), domain.nodes.rows.end(), welded[v]), 1)
+        << "a broken face's corner is not baked";
 }
 
 TEST(VertexHierarchyTest, ParentsAreCoarserAndAround) {

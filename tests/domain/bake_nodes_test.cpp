@@ -105,6 +105,72 @@ TEST(BakeNodesTest, RowsAreContinuousOverFacets) {
     }
 }
 
+/// Shared edges of a domain's triangles, as corners of each of the two.
+struct SharedEdge {
+  uint32_t triangle[2];
+  int from[2], to[2];
+};
+
+std::vector<SharedEdge> SharedEdges(const BakeDomain& domain) {
+  const std::vector<uint32_t> welded = WeldVertices(domain);
+  std::vector<SharedEdge> edges;
+  const auto count = static_cast<uint32_t>(domain.triangles.size());
+  for (uint32_t a = 0; a < count; ++a)
+    for (uint32_t b = a + 1; b < count; ++b)
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) {
+          const int i1 = (i + 1) % 3, j1 = (j + 1) % 3;
+          const auto &s = domain.triangles[a], &t = domain.triangles[b];
+          if (welded[s[i]] == welded[t[j1]] && welded[s[i1]] == welded[t[j]])
+            edges.push_back({{a, b}, {i, j1}, {i1, j}});
+        }
+  return edges;
+}
+
+TEST(BakeNodesTest, RowsAreTheSameFromBothSidesOfAnEdge) {
+  BakeDomain domain = Planes();
+  const std::vector<SharedEdge> edges = SharedEdges(domain);
+  ASSERT_GT(edges.size(), 10u);
+  for (uint32_t seed = 1; seed < 8; ++seed) {
+    CounterRng rng(seed, 5, 6, 7);
+    std::vector<uint32_t> splits;
+    const auto triangles = static_cast<uint32_t>(domain.triangles.size());
+    for (uint32_t t = 0; t < triangles; ++t)
+      if (rng.Uniform() < 0.3f) splits.push_back(t);
+    const auto first = static_cast<uint32_t>(splits.size());
+    for (uint32_t k = 0; k < 4 * first; ++k)
+      if (rng.Uniform() < 0.3f) splits.push_back(triangles + k);
+    splits = *FacetTree::Balance(domain.triangles, WeldVertices(domain), splits);
+    domain.nodes = *SplitNodes(domain, splits);
+    // Every node is baked that is not the same as another one.
+    std::vector<uint32_t> same = WeldVertices(domain);
+    const auto& middles = domain.nodes.facets.welded_middles();
+    same.insert(same.end(), middles.begin(), middles.end());
+    std::vector<uint32_t> row(same.size());
+    for (uint32_t n = 0; n < same.size(); ++n)
+      if (same[n] == n) row[n] = static_cast<uint32_t>(domain.nodes.rows.size()), domain.nodes.rows.push_back(n);
+    domain.nodes.first.assign(1, 0);
+    for (const uint32_t n : same) {
+      domain.nodes.weights.push_back({row[n], kWholeWeight});
+      domain.nodes.first.push_back(static_cast<uint32_t>(domain.nodes.weights.size()));
+    }
+    const FacetRows rows(domain);
+    for (const SharedEdge& edge : edges)
+      for (const float at : {0.0f, 0.1f, 0.25f, 0.3f, 0.5f, 0.6f, 0.75f, 0.9f}) {
+        std::vector<float> seen[2];
+        for (int side = 0; side < 2; ++side) {
+          seen[side].assign(domain.row_count(), 0);
+          std::array<float, 3> weight{};
+          weight[edge.from[side]] = 1 - at;
+          weight[edge.to[side]] = at;
+          for (const FacetRows::Row& r : rows.Locate(edge.triangle[side], &weight))
+            seen[side][r.row] += r.At(weight);
+        }
+        for (size_t r = 0; r < seen[0].size(); ++r) EXPECT_NEAR(seen[0][r], seen[1][r], 1e-5f);
+      }
+  }
+}
+
 TEST(BakeNodesTest, EveryVertexAnswersForItself) {
   const BakeDomain domain = Planes();
   EXPECT_TRUE(domain.nodes.every_vertex());

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
 
@@ -55,6 +56,54 @@ TEST_P(DirectionGridTest, LocateReproducesTheGridsOwnDirections) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Levels, DirectionGridTest, testing::Range(0, DirectionGrid::kMaxLevel + 1));
+
+class NestedDirectionGridTest : public testing::TestWithParam<int> {};
+
+TEST_P(NestedDirectionGridTest, LevelsFollowOneAnother) {
+  constexpr int kLevel = 4;
+  const DirectionGrid grid(kLevel, GetParam()), plain(kLevel);
+  EXPECT_EQ(grid.base_level(), GetParam());
+  EXPECT_TRUE(grid.nested());
+  EXPECT_FALSE(plain.nested());
+  ASSERT_EQ(grid.size(), plain.size());
+  for (int level = GetParam(); level <= kLevel; ++level) {
+    const DirectionGrid own(level);
+    ASSERT_EQ(grid.triangles(level).size(), own.triangles().size());
+    for (uint32_t i = 0; i < own.size(); ++i) {
+      const DirectionGrid::Location at = grid.Locate(own.direction(i));
+      for (int k = 0; k < 3; ++k)
+        if (at.weight[k] > 0.5f) {
+          EXPECT_LT(at.index[k], own.size()) << "level " << level;
+        }
+    }
+  }
+}
+
+TEST_P(NestedDirectionGridTest, TrianglesHaveTheirParentsCornersAndMidpoints) {
+  const DirectionGrid grid(4, GetParam());
+  for (int level = GetParam() + 1; level <= 4; ++level)
+    for (uint32_t t = 0; t < grid.triangles(level).size(); ++t) {
+      const auto &corner = grid.triangles(level)[t], &parent = grid.triangles(level - 1)[t / 4];
+      const uint32_t child = t % 4;
+      for (uint32_t i = 0; i < 3; ++i) {
+        if (i == child) {
+          EXPECT_EQ(corner[i], parent[i]);
+          continue;
+        }
+        const uint32_t a = parent[child < 3 ? child : i], b = parent[child < 3 ? i : (i + 1) % 3];
+        const glm::vec3 middle = glm::normalize(grid.direction(a) + grid.direction(b));
+        EXPECT_LT(glm::distance(grid.direction(corner[i]), middle), 1e-6f);
+        const DirectionGrid::Midpoint& midpoint = grid.midpoint(corner[i]);
+        EXPECT_EQ(std::minmax(a, b), std::minmax(midpoint.ends[0], midpoint.ends[1]));
+        EXPECT_TRUE(midpoint.triangle[0] == t / 4 || midpoint.triangle[1] == t / 4);
+        EXPECT_NE(midpoint.triangle[0], midpoint.triangle[1]);
+        for (int side = 0; side < 2; ++side)
+          EXPECT_EQ(grid.triangles(level)[4 * midpoint.triangle[side] + 3][midpoint.edge[side]], corner[i]);
+      }
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Bases, NestedDirectionGridTest, testing::Values(0, 1, 3));
 
 TEST(DirectionGrid, LevelOfRefusesOtherCounts) {
   EXPECT_EQ(DirectionGrid::LevelOf(0), -1);

@@ -50,10 +50,26 @@ TEST(FacetTreeTest, UnsplitFacetsAreTheTriangles) {
   EXPECT_EQ(weight[1], 0.3f);
 }
 
+/// Barycentric place of a node on one of its triangles; clears `here` where it is told on another one.
+std::array<float, 3> OnTriangle(const FacetTree& tree, uint32_t node, uint32_t triangle, bool* here) {
+  std::array<float, 3> place{};
+  if (node < kWelded.size()) {
+    const auto& t = kStrip[triangle];
+    const auto corner = std::find(t.begin(), t.end(), node) - t.begin();
+    EXPECT_LT(corner, 3) << "a facet's corner is none of its triangle's";
+    if (corner < 3) place[corner] = 1;
+    return place;
+  }
+  const SurfacePlace& middle = tree.middles()[node - kWelded.size()].place;
+  *here = *here && middle.triangle == triangle;
+  return {1 - middle.u - middle.v, middle.u, middle.v};
+}
+
 TEST(FacetTreeTest, WeightsGiveThePlaceBack) {
   for (uint32_t seed = 1; seed < 12; ++seed) {
     const FacetTree tree = MakeTree(RandomSplits(seed, 4));
     CounterRng rng(seed, 1, 0, 1);
+    int checked = 0;
     for (int i = 0; i < 400; ++i) {
       const uint32_t triangle = rng.Bits() % 4;
       float u = rng.Uniform(), v = rng.Uniform();
@@ -61,28 +77,20 @@ TEST(FacetTreeTest, WeightsGiveThePlaceBack) {
       std::array<float, 3> weight = {1 - u - v, u, v};
       const uint32_t part = tree.Locate(triangle, &weight);
       ASSERT_TRUE(tree.is_facet(part));
+      // A middle's place is told on one of its triangles; only facets with all corners on this one are checked.
       std::array<float, 3> place{};
+      bool here = true;
       for (int c = 0; c < 3; ++c) {
         EXPECT_GE(weight[c], -1e-5f);
-        const uint32_t node = tree.corners(part)[c];
-        if (node < kWelded.size()) {
-          const auto& t = kStrip[triangle];
-          const auto corner = std::find(t.begin(), t.end(), node) - t.begin();
-          ASSERT_LT(corner, 3) << "a facet's corner is none of its triangle's";
-          place[corner] += weight[c];
-          continue;
-        }
-        // A middle is told by its place on either of its triangles; the facet's own has the same point.
-        const FacetTree::Middle& m = tree.middles()[node - kWelded.size()];
-        if (m.place.triangle != triangle) goto next;
-        place[0] += weight[c] * (1 - m.place.u - m.place.v);
-        place[1] += weight[c] * m.place.u;
-        place[2] += weight[c] * m.place.v;
+        const std::array<float, 3> corner = OnTriangle(tree, tree.corners(part)[c], triangle, &here);
+        for (int k = 0; k < 3; ++k) place[k] += weight[c] * corner[k];
       }
+      checked += here;
+      if (!here) continue;
       EXPECT_NEAR(place[1], u, 1e-5f);
       EXPECT_NEAR(place[2], v, 1e-5f);
-    next:;
     }
+    EXPECT_GT(checked, 40);
   }
 }
 
@@ -106,6 +114,34 @@ TEST(FacetTreeTest, FacetsConform) {
       }
     }
     for (const auto& [edge, count] : uses) EXPECT_LE(count, 2);
+  }
+}
+
+TEST(FacetTreeTest, NeighboursAreAtMostOneSplitApart) {
+  for (uint32_t seed = 1; seed < 12; ++seed) {
+    const std::vector<uint32_t> splits = RandomSplits(seed, 4);
+    const FacetTree tree = MakeTree(splits);
+    auto weld = [&](uint32_t node) {
+      return node < kWelded.size() ? kWelded[node] : tree.welded_middles()[node - kWelded.size()];
+    };
+    std::map<std::pair<uint32_t, uint32_t>, uint32_t> middle;
+    for (uint32_t m = 0; m < tree.middles().size(); ++m) {
+      const auto& ends = tree.middles()[m].ends;
+      middle.emplace(std::minmax(weld(ends[0]), weld(ends[1])), static_cast<uint32_t>(kWelded.size()) + m);
+    }
+    const std::set<uint32_t> split(splits.begin(), splits.end());
+    const size_t elements = kStrip.size() + 4 * splits.size();
+    for (uint32_t e = 0; e < elements; ++e) {
+      if (split.count(e) > 0) continue;
+      for (int i = 0; i < 3; ++i) {
+        const uint32_t a = weld(tree.corners(e)[i]), b = weld(tree.corners(e)[(i + 1) % 3]);
+        const auto halved = middle.find(std::minmax(a, b));
+        if (halved == middle.end()) continue;
+        const uint32_t m = weld(halved->second);
+        EXPECT_EQ(middle.count(std::minmax(a, m)) + middle.count(std::minmax(m, b)), 0u)
+            << "beside element " << e << ", seed " << seed;
+      }
+    }
   }
 }
 

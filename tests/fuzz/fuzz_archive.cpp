@@ -54,8 +54,10 @@ void OpenArchive(std::span<const std::byte> bytes) {
   }
   for (const uint16_t shape : domain.shape) Check(shape < domain.shapes.size());
   for (size_t i = 0; i < archive->layers().size(); ++i) {
-    for (const SliceTableView& table : archive->layers()[i].specular) LookUpEverything(table, i == 0);
-    LookUpEverything(archive->layers()[i].diffuse, i == 0);
+    const glint::LayerViews& layer = archive->layers()[i];
+    for (uint32_t lobe = 0; lobe < layer.lobes(); ++lobe)
+      for (uint32_t slot = 0; slot <= layer.diffuse_slot(); ++slot)
+        LookUpEverything(layer.table(lobe, slot), i == 0);
   }
 }
 

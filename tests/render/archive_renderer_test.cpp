@@ -94,7 +94,7 @@ class ArchiveRendererTest : public ::testing::Test {
 
   Picture Render(const Environment& sky, const ArchiveRenderOptions& options = {}) {
     const PrefilteredEnvironment prefiltered(sky, 1);
-    ArchiveRenderer renderer(domain_, kGridLevel, layers_, prefiltered, options);
+    ArchiveRenderer renderer(domain_, DirectionGrid(kGridLevel), layers_, prefiltered, options);
     Result<Picture> picture = renderer.Render(view_);
     EXPECT_TRUE(picture.ok()) << picture.status().message();
     return std::move(picture).value();
@@ -248,9 +248,9 @@ TEST_F(ArchiveRendererTest, RefusesSizesAndSamplesOutOfRange) {
   UseSphere(Matt());
   AddDirectLayer(std::nullopt);
   const PrefilteredEnvironment sky(Sky("uniform", 64), 1);
-  ArchiveRenderer none(domain_, kGridLevel, layers_, sky, {.samples = 0});
+  ArchiveRenderer none(domain_, DirectionGrid(kGridLevel), layers_, sky, {.samples = 0});
   EXPECT_EQ(none.Render(view_).status().kind(), ErrorKind::kUsage);
-  ArchiveRenderer renderer(domain_, kGridLevel, layers_, sky, {});
+  ArchiveRenderer renderer(domain_, DirectionGrid(kGridLevel), layers_, sky, {});
   view_.height = 0;
   EXPECT_EQ(renderer.Render(view_).status().kind(), ErrorKind::kUsage);
 }
@@ -259,7 +259,7 @@ TEST_F(ArchiveRendererTest, FarCamerasAreRefusedBeforeTheRayTracerStopsTheProces
   UseSphere(Matt());
   AddDirectLayer(std::nullopt);
   const PrefilteredEnvironment sky(Sky("uniform", 64), 1);
-  ArchiveRenderer renderer(domain_, kGridLevel, layers_, sky, {});
+  ArchiveRenderer renderer(domain_, DirectionGrid(kGridLevel), layers_, sky, {});
   view_.camera.eye = {kMaxEye, -kMaxEye, kMaxEye};
   EXPECT_TRUE(renderer.Render(view_).ok());
   view_.camera.eye = {1e19f, 0, 0};

@@ -24,6 +24,8 @@ RoundManifest Example() {
   manifest.settings.grid_level = 1;
   manifest.settings.rays_per_kappa = 0.1f;  // not a short binary fraction: digits have to suffice
   manifest.settings.drop = 1.0f / 3;
+  manifest.settings.slice_lobes = 3;
+  manifest.settings.lobe_tolerance = 0.3f;
   manifest.settings.seed = ~uint64_t{0};
   manifest.layer = 2;
   manifest.previous = Sha256(Bytes("layer 1"));

@@ -99,7 +99,7 @@ TEST_P(FurnaceTest, BlackSurfacesReflectNothing) {
   for (int layer = 0; layer < baked.layers(); ++layer)
     light = std::max(light, glm::length(MeanReflected(baked, layer)));
   ExpectAtMost(Named("black cavity: light"), light, 0);
-  EXPECT_EQ(baked.report().layers.back().stored, 0u);
+  EXPECT_EQ(baked.report().layers.back().stored[0], 0u);
 }
 
 TEST_P(FurnaceTest, NothingGetsIntoAClosedBox) {
@@ -107,7 +107,7 @@ TEST_P(FurnaceTest, NothingGetsIntoAClosedBox) {
   AddBox(glm::dvec3(-1), glm::dvec3(1), 4, true, builder.AddMaterial(Glossy()), &builder);
   const Baked baked(builder.Finish(AnyCamera()), {.method = GetParam(), .layers = 1});
   ExpectAtMost(Named("closed box: largest free part"), baked.LargestFree(), 0);
-  EXPECT_EQ(baked.report().layers[1].stored, 0u);
+  EXPECT_EQ(baked.report().layers[1].stored[0], 0u);
 }
 
 INSTANTIATE_TEST_SUITE_P(Methods, FurnaceTest, testing::Values(GatherMethod::kShared, GatherMethod::kPaper),

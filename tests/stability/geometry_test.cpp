@@ -60,7 +60,7 @@ TEST_P(GeometryTest, ASingleTriangleIsFree) {
   scene.vertex_material.pop_back();
   scene.content = HashScene(scene);
   const Baked baked(std::move(scene), Options(1));
-  EXPECT_EQ(baked.report().layers[0].stored + baked.report().layers[1].stored, 0u);
+  EXPECT_EQ(baked.report().layers[0].stored[0] + baked.report().layers[1].stored[0], 0u);
   const glm::vec3 wo = glm::normalize(glm::vec3(1, 2, 3));
   ExpectAtMost(Named("single triangle: reflected, from its albedo"),
                std::abs(baked.Reflected(0, 0.2f, 0.3f, wo, 0).x - 0.7f), 1e-6);
@@ -185,7 +185,7 @@ TEST_P(GeometryTest, NothingReachesVerticesInsideOtherObjects) {
       if (baked.Defined(v, c)) free = std::max(free, baked.FreeSpecular(v, c));
   }
   ExpectAtMost(Named("vertices inside a closed box: largest free part"), free, 0);
-  EXPECT_EQ(baked.report().layers[1].stored, 0u);
+  EXPECT_EQ(baked.report().layers[1].stored[0], 0u);
 }
 
 TEST_P(GeometryTest, ThinClosedBoxesDoNotLeak) {

@@ -9,6 +9,7 @@
 #include "common/base/frame.h"
 #include "common/lobes/vmf.h"
 #include "common/scene/generate.h"
+#include "tests/worker/gathered_layer.h"
 #include "worker/slice_lobes.h"
 
 namespace glint {
@@ -176,6 +177,85 @@ TEST(SharedGather, AgreesWithManyRaysOfThePaper) {
   }
   // 4096 random rays carry 0.008 themselves.
   EXPECT_LT(std::sqrt(error / count), 0.012);
+}
+
+/// A broad floor between two mirror-like walls, red at -x and blue at +x.
+Scene FloorBetweenColouredWalls() {
+  Scene scene = FloorAndWall(false);
+  const auto floor_vertices = static_cast<uint32_t>(scene.positions.size() / 2);
+  const size_t floor_triangles = scene.triangles.size() / 2;
+  Material wall = scene.materials[0];
+  wall.exponent = 300;
+  wall.specular = {0.3f, 0.01f, 0.01f};  // as luminous as the blue
+  scene.materials[0].exponent = 5;
+  scene.materials.push_back(wall);
+  wall.specular = {0.01f, 0.01f, 0.9f};
+  scene.materials.push_back(wall);
+  // The other wall is the first one, mirrored.
+  for (uint32_t v = 0; v < floor_vertices; ++v) {
+    const glm::vec3 p = scene.positions[floor_vertices + v];
+    scene.positions.push_back({-p.x, p.y, p.z});
+    scene.normals.push_back({-1, 0, 0});
+  }
+  for (size_t t = 0; t < floor_triangles; ++t) {
+    const auto [a, b, c] = scene.triangles[floor_triangles + t];
+    scene.triangles.push_back({a + floor_vertices, c + floor_vertices, b + floor_vertices});
+  }
+  scene.triangle_material.clear();
+  scene.vertex_material.clear();
+  for (uint32_t m = 0; m < 3; ++m) {
+    scene.triangle_material.insert(scene.triangle_material.end(), floor_triangles, m);
+    scene.vertex_material.insert(scene.vertex_material.end(), floor_vertices, m);
+  }
+  scene.uvs.assign(scene.positions.size(), glm::vec2(0));
+  scene.colors.assign(scene.positions.size(), glm::vec4(1));
+  scene.content = HashScene(scene);
+  return scene;
+}
+
+TEST(SharedGather, TwoFacingColouredLightsAreTwoLobes) {
+  const Bench bench(FloorBetweenColouredWalls());
+  BakeSettings settings;
+  settings.grid_level = 2;
+  settings.slice_lobes = kMaxSliceLobes;
+  settings.lobe_tolerance = 0.005f;  // the walls are a small part of a broad lobe
+  const auto layers = GatherLayers(bench.input, settings, 2);
+  settings.slice_lobes = 1;
+  const auto single = GatherLayers(bench.input, settings, 2);
+  const LayerViews &views = layers[1]->views, &one = single[1]->views;
+  const auto read = [](const SliceTableView& table, uint32_t v, uint32_t column) {
+    const std::byte* entry = table.Find(v, column);
+    return entry ? DecodeIndirect(entry) : IndirectLobe{};
+  };
+  int slices = 0;
+  for (uint32_t v = 0; v < bench.domain.vertex_count(); ++v) {
+    const glm::vec3& p = bench.domain.positions[v];
+    if (bench.domain.normals[v].y < 0.5f || std::abs(p.x) > 0.3f || std::abs(p.z) > 0.6f) continue;
+    for (uint32_t column = 0; column < bench.grid.size(); ++column) {
+      if (bench.grid.direction(column).y < 0.97f) continue;
+      ++slices;
+      // Seen from above, each wall's light goes on to the other side, and stays what colour it is.
+      float red = 0, blue = 0;
+      glm::vec3 alpha(0);
+      for (uint32_t i = 0; i < views.lobes(); ++i) {
+        const IndirectLobe lobe = read(views.table(i, 0), v, column);
+        alpha += lobe.alpha;
+        if (lobe.mu.x > 0.2f) {
+          red += lobe.alpha.x;
+          EXPECT_LT(lobe.alpha.z, 0.3f * lobe.alpha.x);
+        } else if (lobe.mu.x < -0.2f) {
+          blue += lobe.alpha.z;
+          EXPECT_LT(lobe.alpha.x, 0.3f * lobe.alpha.z);
+        }
+      }
+      EXPECT_GT(red, 0.85f * alpha.x);
+      EXPECT_GT(blue, 0.85f * alpha.z);
+      // One lobe for both is as bright and looks at neither.
+      const IndirectLobe both = read(one.table(0, 0), v, column);
+      EXPECT_LT(glm::distance(alpha, both.alpha), 2e-3f * glm::length(alpha));
+    }
+  }
+  EXPECT_GT(slices, 10);
 }
 
 }  // namespace

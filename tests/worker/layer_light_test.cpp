@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <memory>
 #include <span>
 #include <utility>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "common/base/frame.h"
 #include "common/base/rng.h"
 #include "common/scene/generate.h"
+#include "tests/worker/gathered_layer.h"
 #include "worker/gather.h"
 
 namespace glint {
@@ -21,19 +23,17 @@ namespace {
 /// The first two layers of a small scene, gathered.
 class LayerLightTest : public testing::Test {
  protected:
-  explicit LayerLightTest(uint32_t vertices = 900, float exponent = 64)
+  /// @param base_level  below 2: directions are left out
+  explicit LayerLightTest(uint32_t vertices = 900, float exponent = 64, int base_level = 2)
       : scene_(*GenerateScene("goblets", {vertices, exponent})),
         domain_(BuildBakeDomain(scene_, {}, 1)),
-        grid_(2),
+        grid_(2, base_level),
         rays_(scene_, 1) {
     BakeSettings settings;
     settings.grid_level = 2;
-    const GatherInput input{domain_, rays_, grid_};
-    const std::unique_ptr<Gatherer> gatherer = MakeGatherer(input, settings, 0);
-    for (int layer = 0; layer < 2; ++layer) {
-      gatherer->BeginLayer(layer, layer ? &views_[0] : nullptr, 1);
-      Keep(gatherer->Gather({0, domain_.vertex_count(), 0, grid_.size()}), layer);
-    }
+    if (base_level < 2) settings.angular_tolerance = 0.05f;
+    settings.base_level = base_level;
+    layers_ = GatherLayers({domain_, rays_, grid_}, settings, 2);
   }
 
   /// The same look-up by the reader that pictures use.
@@ -42,7 +42,7 @@ class LayerLightTest : public testing::Test {
     TransferPoint point;
     if (!reader.Prepare(query.triangle, query.u, query.v, query.wo, &point)) return light;
     LayerLobes read;
-    reader.Read(point, views_[layer], layer, &read);
+    reader.Read(point, layers_[layer]->views, layer, &read);
     for (int i = 0; i < read.count; ++i) {
       light.alpha += read.lobe[i].alpha;
       light.moment +=
@@ -81,7 +81,7 @@ class LayerLightTest : public testing::Test {
   const BakeDomain domain_;
   const DirectionGrid grid_;
   const RayScene rays_;
-  LayerViews views_[2];
+  std::vector<std::unique_ptr<GatheredLayer>> layers_;
 
  private:
   /// Relative rms difference from the reader.
@@ -91,7 +91,7 @@ class LayerLightTest : public testing::Test {
   };
 
   Difference FromReader(int layer, const std::vector<LightQuery>& queries) const {
-    const LayerLight light(domain_, grid_, views_[layer], layer, 2);
+    const LayerLight light(domain_, grid_, layers_[layer]->views, layer, 2);
     std::vector<HitLight> answers(queries.size());
     light.Look(queries, answers.data());
     const TransferReader reader(domain_, grid_);
@@ -112,30 +112,12 @@ class LayerLightTest : public testing::Test {
     difference.moment = std::sqrt(moment / norm);
     return difference;
   }
+};
 
-  void Keep(const BlockResult& block, int layer) {
-    const uint32_t entry_bytes = layer == 0 ? kDirectEntryBytes : kIndirectEntryBytes;
-    for (size_t slot = 0; slot < block.slots.size(); ++slot) {
-      const bool diffuse = slot + 1 == block.slots.size();
-      const BlockRows& rows = block.slots[slot];
-      SliceTableBuilder builder(domain_.vertex_count(), diffuse ? 2 : grid_.size(), entry_bytes);
-      size_t first = 0;
-      for (const uint16_t count : rows.counts) {
-        builder.AppendRow(std::span(rows.columns).subspan(first, count),
-                          std::span(rows.entries).subspan(first * entry_bytes, size_t{count} * entry_bytes));
-        first += count;
-      }
-      bytes_.push_back(builder.Finish());
-      const SliceTableView view = *SliceTableView::Parse(bytes_.back());
-      if (diffuse) {
-        views_[layer].diffuse = view;
-      } else {
-        views_[layer].specular.push_back(view);
-      }
-    }
-  }
-
-  std::vector<std::vector<std::byte>> bytes_;
+/// Goblets are double-sided.
+class NestedLayerLightTest : public LayerLightTest {
+ protected:
+  NestedLayerLightTest() : LayerLightTest(900, 64, 0) {}
 };
 
 class GgxLayerLightTest : public LayerLightTest {
@@ -145,11 +127,13 @@ class GgxLayerLightTest : public LayerLightTest {
 
 TEST_F(LayerLightTest, AnswersAsTheReaderOfPictures) { ExpectReadersAgree(); }
 
+TEST_F(NestedLayerLightTest, AnswersAsTheReaderOfPictures) { ExpectReadersAgree(); }
+
 TEST_F(GgxLayerLightTest, AnswersAsTheReaderOfPictures) { ExpectReadersAgree(); }
 
 TEST_F(LayerLightTest, OneByOneIsAsInBatches) {
   const std::vector<LightQuery> queries = RandomQueries(500);
-  const LayerLight light(domain_, grid_, views_[1], 1, 1);
+  const LayerLight light(domain_, grid_, layers_[1]->views, 1, 1);
   std::vector<HitLight> together(queries.size());
   light.Look(queries, together.data());
   for (size_t i = 0; i < queries.size(); ++i) {
@@ -164,8 +148,8 @@ TEST_F(LayerLightTest, OneByOneIsAsInBatches) {
 TEST_F(LayerLightTest, ThreadsDoNotShow) {
   const std::vector<LightQuery> queries = RandomQueries(500);
   std::vector<HitLight> one(queries.size()), three(queries.size());
-  LayerLight(domain_, grid_, &views_[0], 0, 1).Look(queries, one.data());
-  LayerLight(domain_, grid_, &views_[0], 0, 3).Look(queries, three.data());
+  LayerLight(domain_, grid_, &layers_[0]->views, 0, 1).Look(queries, one.data());
+  LayerLight(domain_, grid_, &layers_[0]->views, 0, 3).Look(queries, three.data());
   for (size_t i = 0; i < queries.size(); ++i) {
     EXPECT_EQ(one[i].alpha, three[i].alpha);
     EXPECT_EQ(one[i].moment, three[i].moment);

@@ -312,7 +312,7 @@ Status Publish(const Input& input, const Measured& measured, const fs::path& fol
   GLINT_RETURN_IF_ERROR(PublishText(folder / "chart.csv", ChartCsv(measured)));
   GLINT_RETURN_IF_ERROR(PublishText(folder / "chart.json", ChartJson(input, measured).dump(2) + "\n"));
   PagePlots plots;
-  const Status drawn = DrawAndPublish(input, measured, folder, gnuplot, &plots);
+  Status drawn = DrawAndPublish(input, measured, folder, gnuplot, &plots);
   if (!drawn.ok()) {
     RemovePlots(folder);
     plots = {};

@@ -1,0 +1,143 @@
+// What leaving directions out costs and saves: scenes are baked on uniform and on nested grids of view
+// directions, and their archives' errors estimated. Prints the table of docs/adaptive.md.
+//
+//   glint_benchmark_angular [--scenes teapot,goblets] [--exponents 32,128,512] [--vertices 5000] [--layers 2]
+//                           [--grids 162,642,2562,2562:0.1:42] [--slices 800] [--threads 1]
+//
+// A grid is DIRECTIONS, or DIRECTIONS:TOLERANCE:BASE as for glint bake --directions, --angular-tolerance and
+// --base-directions.
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <filesystem>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "common/archive/archive.h"
+#include "common/scene/generate.h"
+#include "coordinator/bake.h"
+#include "coordinator/error_estimate.h"
+
+namespace glint {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  std::vector<std::string> scenes = {"teapot", "goblets"}, grids = {"162", "642", "2562", "2562:0.1:42"};
+  std::vector<float> exponents = {32, 128, 512};
+  uint32_t vertices = 5000, slices = 800;
+  BakeOptions bake;
+};
+
+/// Prints what went wrong and ends the program.
+template <class T>
+T Need(Result<T> result) {
+  if (result.ok()) return std::move(result).value();
+  std::fprintf(stderr, "%s\n", result.status().message().c_str());
+  std::exit(1);
+}
+
+std::vector<std::string> Split(const std::string& list, char separator) {
+  std::vector<std::string> parts;
+  std::stringstream stream(list);
+  for (std::string part; std::getline(stream, part, separator);) parts.push_back(part);
+  return parts;
+}
+
+int LevelOf(const std::string& directions) {
+  const int level = DirectionGrid::LevelOf(static_cast<uint32_t>(std::stoul(directions)));
+  if (level >= 0) return level;
+  std::fprintf(stderr, "%s: no grid has that many directions\n", directions.c_str());
+  std::exit(2);
+}
+
+BakeSettings WithGrid(BakeSettings settings, const std::string& grid) {
+  const std::vector<std::string> part = Split(grid, ':');
+  settings.grid_level = LevelOf(part.at(0));
+  if (part.size() > 1) settings.angular_tolerance = std::stof(part[1]);
+  if (part.size() > 2) settings.base_level = LevelOf(part[2]);
+  return settings;
+}
+
+double CpuSeconds() {
+  timespec t{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+void Run(const Scene& scene, const std::string& name, float exponent, const std::string& grid,
+         const Arguments& args) {
+  BakeOptions options = args.bake;
+  options.settings = WithGrid(options.settings, grid);
+  const fs::path path = fs::temp_directory_path() / ("glint-angular-" + std::to_string(getpid()) + ".glint");
+  const double begin = CpuSeconds();
+  const BakeReport report = Need(BakeScene(scene, name, path, options));
+  const double seconds = CpuSeconds() - begin;
+  const Archive archive = Need(Archive::Open(path));
+  const ErrorEstimate error =
+      Need(EstimateError(archive.domain(), RayScene(scene), archive.MakeGrid(), archive.layers(),
+                         {args.slices, options.settings.seed, options.settings.read_out(), options.threads}));
+  uint64_t stored = 0;
+  for (const LayerViews& layer : archive.layers())
+    for (const SliceTableView& table : layer.specular) stored += table.entries();
+  std::printf("| %s | %g | %s | %.2f | %.2f | %.0f | %.4f +- %.4f | %.3f |", name.c_str(), exponent,
+              grid.c_str(), seconds, 1e-6 * static_cast<double>(report.archive_bytes),
+              static_cast<double>(stored) / archive.domain().vertex_count(), error.all.rms,
+              error.all.uncertainty, error.all.cause[static_cast<size_t>(ErrorCause::kAngular)]);
+  for (const auto& layer : error.layers) std::printf(" %.4f", layer.rms);
+  std::printf(" |\n");
+  std::fflush(stdout);
+  fs::remove(path);
+  fs::remove(path.string() + ".json");
+}
+
+Arguments Parse(int argc, char** argv) {
+  Arguments args;
+  args.bake.max_layers = 2;
+  args.bake.estimate_slices = 0;
+  args.bake.threads = 1;
+  for (int i = 1; i + 1 < argc; i += 2) {
+    const std::string key = argv[i], value = argv[i + 1];
+    if (key == "--scenes") {
+      args.scenes = Split(value, ',');
+    } else if (key == "--exponents") {
+      args.exponents.clear();
+      for (const std::string& e : Split(value, ',')) args.exponents.push_back(std::stof(e));
+    } else if (key == "--grids") {
+      args.grids = Split(value, ',');
+    } else if (key == "--vertices") {
+      args.vertices = static_cast<uint32_t>(std::stoul(value));
+    } else if (key == "--layers") {
+      args.bake.max_layers = std::stoi(value);
+    } else if (key == "--slices") {
+      args.slices = static_cast<uint32_t>(std::stoul(value));
+    } else if (key == "--threads") {
+      args.bake.threads = std::stoi(value);
+    } else {
+      std::fprintf(stderr, "unknown option %s\n", key.c_str());
+      std::exit(2);
+    }
+  }
+  return args;
+}
+
+}  // namespace
+}  // namespace glint
+
+int main(int argc, char** argv) {
+  using namespace glint;  // NOLINT: a program, not a header
+  const Arguments args = Parse(argc, argv);
+  std::printf(
+      "| scene | exponent | directions | CPU s | MB | entries a vertex | error | angular | layers |\n"
+      "|---|---|---|---|---|---|---|---|---|\n");
+  for (const std::string& name : args.scenes)
+    for (const float exponent : args.exponents) {
+      const Scene scene = Need(GenerateScene(name, {args.vertices, exponent}));
+      for (const std::string& grid : args.grids) Run(scene, name, exponent, grid, args);
+    }
+  return 0;
+}
