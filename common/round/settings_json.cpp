@@ -12,7 +12,7 @@ namespace glint {
 namespace {
 
 constexpr int kMaxRays = 1 << 20;
-static_assert(sizeof(BakeSettings) == 64 && sizeof(BrdfFitOptions) == 8,
+static_assert(sizeof(BakeSettings) == 80 && sizeof(BrdfFitOptions) == 8,
               "a field was added or taken away: do the same below");
 
 /// Calls visit(name, field, low, high) for every number of the settings.

@@ -85,7 +85,7 @@ TEST(RefineTest, AtMostSoManyVertices) {
 TEST(RefineTest, EvenSubdivisionHalvesEveryEdge) {
   BakeOptions options = SmallOptions();
   options.settings.subdivide = 1;
-  const Scene scene = Generated("planes", 18);
+  const Scene scene = Generated("planes", 500);
   const Baked baked = BakeHere(scene, options);
   // Each face gives four; nodes are vertices and edges, counted by Euler's formula for two sheets.
   const size_t vertices = scene.positions.size(), faces = scene.triangles.size();
@@ -112,7 +112,7 @@ TEST(RefineTest, TheSurfaceStaysAsItIs) {
 }
 
 TEST(RefineTest, SurvivesBrokenSurfaces) {
-  Scene scene = GeneratedPaint("planes", 60);
+  Scene scene = GeneratedPaint("planes", 500);
   const auto first = scene.triangles[0];
   scene.triangles.push_back(first);                           // twice
   scene.triangles.push_back({first[1], first[0], first[2]});  // and inside out

@@ -3,16 +3,42 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <glm/geometric.hpp>
 
 #include "common/base/rng.h"
 #include "common/domain/bake_domain.h"
 #include "common/domain/facet_rows.h"
-#include "common/scene/generate.h"
 
 namespace glint {
 namespace {
 
-BakeDomain Planes() { return BuildBakeDomain(*GenerateScene("planes", {40, 32}), BrdfFitOptions{}, 1); }
+/// Two sheets of 3 x 3 squares at a right angle. They have vertices of their own where they meet, which are
+/// the same in all that counts.
+BakeDomain Planes() {
+  constexpr uint32_t kSide = 4;
+  BakeDomain domain;
+  for (const bool upright : {false, true}) {
+    const auto first = static_cast<uint32_t>(domain.positions.size());
+    for (uint32_t y = 0; y < kSide; ++y)
+      for (uint32_t x = 0; x < kSide; ++x) {
+        const auto a = static_cast<float>(x), b = static_cast<float>(y);
+        domain.positions.push_back(upright ? glm::vec3(a, b, 0) : glm::vec3(a, 0, b));
+        domain.normals.push_back(upright && y > 0 ? glm::vec3(0, 0, 1) : glm::vec3(0, 1, 0));
+      }
+    for (uint32_t y = 0; y + 1 < kSide; ++y)
+      for (uint32_t x = 0; x + 1 < kSide; ++x) {
+        const uint32_t v = first + y * kSide + x;
+        domain.triangles.push_back({v, v + 1, v + kSide + 1});
+        domain.triangles.push_back({v, v + kSide + 1, v + kSide});
+      }
+  }
+  domain.triangle_double_sided.assign(domain.triangles.size(), 0);
+  domain.specular.assign(domain.positions.size(), glm::vec3(0.5f));
+  domain.diffuse.assign(domain.positions.size(), glm::vec3(0));
+  domain.shape.assign(domain.positions.size(), 0);
+  domain.double_sided.assign(domain.positions.size(), 0);
+  return domain;
+}
 
 /// Every third node baked, the others predicted from two of these.
 BakeNodes SomeNodes(const BakeDomain& domain) {
@@ -148,7 +174,8 @@ TEST(BakeNodesTest, RowsAreTheSameFromBothSidesOfAnEdge) {
     same.insert(same.end(), middles.begin(), middles.end());
     std::vector<uint32_t> row(same.size());
     for (uint32_t n = 0; n < same.size(); ++n)
-      if (same[n] == n) row[n] = static_cast<uint32_t>(domain.nodes.rows.size()), domain.nodes.rows.push_back(n);
+      if (same[n] == n)
+        row[n] = static_cast<uint32_t>(domain.nodes.rows.size()), domain.nodes.rows.push_back(n);
     domain.nodes.first.assign(1, 0);
     for (const uint32_t n : same) {
       domain.nodes.weights.push_back({row[n], kWholeWeight});

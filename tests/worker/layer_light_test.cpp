@@ -91,7 +91,7 @@ class LayerLightTest : public testing::Test {
   };
 
   Difference FromReader(int layer, const std::vector<LightQuery>& queries) const {
-    const LayerLight light(domain_, grid_, layers_[layer]->views, layer, 2);
+    const LayerLight light(domain_, grid_, &layers_[layer]->views, layer, 2);
     std::vector<HitLight> answers(queries.size());
     light.Look(queries, answers.data());
     const TransferReader reader(domain_, grid_);
@@ -133,7 +133,7 @@ TEST_F(GgxLayerLightTest, AnswersAsTheReaderOfPictures) { ExpectReadersAgree(); 
 
 TEST_F(LayerLightTest, OneByOneIsAsInBatches) {
   const std::vector<LightQuery> queries = RandomQueries(500);
-  const LayerLight light(domain_, grid_, layers_[1]->views, 1, 1);
+  const LayerLight light(domain_, grid_, &layers_[1]->views, 1, 1);
   std::vector<HitLight> together(queries.size());
   light.Look(queries, together.data());
   for (size_t i = 0; i < queries.size(); ++i) {
