@@ -17,6 +17,7 @@
 #include "common/round/task.h"
 #include "common/scene/ray_scene.h"
 #include "coordinator/bake_report.h"
+#include "coordinator/bake_target.h"
 #include "coordinator/layer.h"
 #include "coordinator/local_executor.h"
 #include "coordinator/spatial/refine.h"
@@ -226,6 +227,7 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
   GLINT_RETURN_IF_ERROR(CheckVertices(scene, name));
   const int threads = ResolveThreadCount(options.threads);
   const Digest bake_key = BakeKey(ExecutionId(), scene.content, options.settings);
+  if (options.begins) options.begins(bake_key);
   const fs::path work_dir =
       options.work_dir.empty() ? fs::path(out_path.string() + ".work") : options.work_dir;
   GLINT_ASSIGN_OR_RETURN(WorkFolder work, WorkFolder::Open(work_dir, bake_key));
@@ -293,12 +295,29 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
   return report;
 }
 
+/// One bake with the options' settings or, with a target, as many as that takes.
+Result<BakeReport> BakeOrRefine(const Scene& scene, const std::string& name, const fs::path& out_path,
+                                const BakeOptions& options, const BakeProgressCallback& callback,
+                                double begin, double loaded) {
+  if (!options.target.active()) return BakeLoaded(scene, name, out_path, options, callback, begin, loaded);
+  Hasher hasher;
+  hasher.String("glint target")
+      .Add(ArchiveKey(BakeKey(ExecutionId(), scene.content, options.settings), scene, name, options));
+  hasher.Add(options.target.tolerance);
+  for (const bool fixed : options.target.fixed) hasher.Add(fixed);
+  return RefineToTarget(hasher.Finish(), out_path, options,
+                        [&](const BakeOptions& round, const fs::path& path) {
+                          const double now = Now();
+                          return BakeLoaded(scene, name, path, round, callback, now, now);
+                        });
+}
+
 }  // namespace
 
 Result<BakeReport> BakeScene(const Scene& scene, const std::string& name, const fs::path& out_path,
                              const BakeOptions& options, const BakeProgressCallback& callback) {
   const double begin = Now();
-  return BakeLoaded(scene, name, out_path, options, callback, begin, begin);
+  return BakeOrRefine(scene, name, out_path, options, callback, begin, begin);
 }
 
 Result<BakeReport> Bake(const fs::path& scene_path, const fs::path& out_path, const BakeOptions& options,
@@ -306,7 +325,7 @@ Result<BakeReport> Bake(const fs::path& scene_path, const fs::path& out_path, co
   const double begin = Now();
   if (progress) progress({"load", 0, 0, 0, 0});
   GLINT_ASSIGN_OR_RETURN(const Scene scene, LoadScene(scene_path, options.scene_limits));
-  return BakeLoaded(scene, scene_path.filename().string(), out_path, options, progress, begin, Now());
+  return BakeOrRefine(scene, scene_path.filename().string(), out_path, options, progress, begin, Now());
 }
 
 }  // namespace glint

@@ -22,10 +22,28 @@ namespace glint {
 /// Layers of an archive, less the direct one.
 inline constexpr int kMaxIndirectLayers = 255;
 
+/// Parts of a bake that can be made finer one by one.
+enum class BakeAxis : uint8_t { kDirections, kRays, kLobes, kBits };
+inline constexpr int kBakeAxes = 4;
+inline constexpr std::array<const char*, kBakeAxes> kBakeAxisNames = {"directions", "rays", "lobes", "bits"};
+
+inline constexpr double kMaxTargetSeconds = 1e9;
+
+/// What a bake is to reach and may take, in place of settings: bake_target.h.
+struct BakeTarget {
+  float tolerance = 0;     ///< ErrorSummary::rms of all layers to get to; 0: as low as time and bytes allow
+  double max_seconds = 0;  ///< wall time, of rounds of earlier runs too; 0: any
+  uint64_t max_bytes = 0;  ///< of the archive; 0: any
+  std::array<bool, kBakeAxes> fixed{};  ///< axes that stay as the settings have them
+
+  bool active() const { return tolerance > 0 || max_seconds > 0 || max_bytes > 0; }
+};
+
 /// How to bake. `settings`, the layers, the form and the estimate decide the result; the rest only how it is
 /// reached.
 struct BakeOptions {
   BakeSettings settings;
+  BakeTarget target;              ///< if active, settings are found, from these on
   int max_layers = 16;            ///< at most this many indirect layers, 0 to kMaxIndirectLayers, ...
   float layer_tolerance = 0.01f;  ///< ... and no more once a layer's relative light is below this
   TableForm table_form = kDefaultTableForm;
@@ -41,6 +59,9 @@ struct BakeOptions {
   bool keep_work = false;         ///< keep that sub-folder after the archive is written
   ExecutorFactory make_executor;  ///< who runs the tasks; empty: threads of this process
   std::function<bool()> stop = StopRequested;  ///< asked between tasks: whether to end (kInterrupted)
+  /// Told the key of every bake that begins: that of its folder of finished tasks. With a target there are
+  /// several.
+  std::function<void(const Digest&)> begins;
 };
 
 /// State of a running bake.
@@ -79,9 +100,10 @@ struct BakeReport {
   std::string deterministic_json, json;
 };
 
-/// Bakes a scene file into an archive: load, fit, place vertices, direct and indirect layers, merge, estimate, write. Stopped
-/// by a signal (kInterrupted) or killed at any moment, the same call goes on where it was. Errors: those of
-/// LoadScene; kUsage for max_layers; kIo for the output or the work folder; kInterrupted.
+/// Bakes a scene file into an archive: load, fit, place vertices, direct and indirect layers, merge, estimate,
+/// write. Stopped by a signal (kInterrupted) or killed at any moment, the same call goes on where it was. With
+/// a target, of the report there are only JSON, key, bytes and seconds. Errors: those of LoadScene and
+/// RefineToTarget; kUsage for max_layers; kIo for the output or the work folder; kInterrupted.
 Result<BakeReport> Bake(const std::filesystem::path& scene_path, const std::filesystem::path& out_path,
                         const BakeOptions& options, const BakeProgressCallback& progress = {});
 

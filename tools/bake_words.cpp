@@ -21,19 +21,35 @@ void AddAccuracyWords(CLI::App& app, BakeOptions& options) {
   const auto add = [&app](const char* word, auto& value, const std::string& help) {
     return app.add_option(word, value, help)->capture_default_str()->group("Accuracy and time");
   };
+  BakeTarget& target = options.target;
+  // What is asked for by name is not for the target to find.
+  const auto fixes = [&target](BakeAxis axis) {
+    return [&target, axis](const std::string&) { target.fixed[static_cast<size_t>(axis)] = true; };
+  };
+  add("--tolerance", target.tolerance,
+      "Bake ever finer until the estimated relative error of relit pictures is at most this, refining what "
+      "causes it; 0: as the other words say")
+      ->check(NumberRange(0, 1))
+      ->type_name("X");
+  add("--max-seconds", target.max_seconds, "The best bake within this time; 0: any")
+      ->check(NumberRange(0, kMaxTargetSeconds))
+      ->type_name("S");
+  add("--max-bytes", target.max_bytes, "The best archive within this size, such as 50MB; 0: any")
+      ->transform(CLI::AsSizeValue(true))
+      ->type_name("N");
   const auto choose_grid = [&settings](uint32_t directions) {
     settings.grid_level = DirectionGrid::LevelOf(directions);
     if (settings.grid_level >= 0) return;
     throw CLI::ValidationError("--directions", std::to_string(directions) + ": choose one of " + GridSizes());
   };
   app.add_option_function<uint32_t>("--directions", choose_grid, "View directions: one of " + GridSizes())
+      ->each(fixes(BakeAxis::kDirections))
       ->default_str("642")
       ->type_name("N")
       ->group("Accuracy and time");
   add("--angular-tolerance", settings.angular_tolerance,
       "shared: leave out directions whose slices interpolation gives within this error, relative to the "
-      "unoccluded "
-      "ones; 0: none")
+      "unoccluded ones; 0: none")
       ->check(NumberRange(0, 1e3))
       ->type_name("X");
   app.add_option_function<uint32_t>(
@@ -51,7 +67,7 @@ void AddAccuracyWords(CLI::App& app, BakeOptions& options) {
   add("--layers", options.max_layers, "Layers 0 to K: at most K indirect reflections")
       ->check(CLI::Range(0, kMaxIndirectLayers))
       ->type_name("K");
-  add("--tolerance", options.layer_tolerance,
+  add("--layer-tolerance", options.layer_tolerance,
       "No further layer once one carries less than this part of the light")
       ->check(NumberRange(0, 1))
       ->type_name("X");
@@ -62,12 +78,15 @@ void AddAccuracyWords(CLI::App& app, BakeOptions& options) {
   add("--rays-per-kappa", settings.rays_per_kappa,
       "shared: rays per vertex and unit of its sharpest lobe's kappa, at kappa 128; they grow as kappa^(3/4)")
       ->check(NumberRange(0.01, 1e4))
+      ->each(fixes(BakeAxis::kRays))
       ->type_name("X");
   add("--max-rays", settings.max_rays, "shared: at most this many rays per vertex")
       ->check(CLI::Range(settings.min_rays, 1 << 20))
+      ->each(fixes(BakeAxis::kRays))
       ->type_name("N");
   add("--paper-rays", settings.paper_rays, "paper: rays per slice and layer")
       ->check(CLI::Range(1, 1 << 20))
+      ->each(fixes(BakeAxis::kRays))
       ->type_name("N");
   add("--lobes", settings.fit.max_lobes, "At most this many lobes for a material's highlight")
       ->check(CLI::Range(1, kMaxBrdfLobes))
@@ -79,6 +98,7 @@ void AddAccuracyWords(CLI::App& app, BakeOptions& options) {
   add("--slice-lobes", settings.slice_lobes,
       "shared: a slice is stored as at most this many lobes for each of its material's")
       ->check(CLI::Range(1, kMaxSliceLobes))
+      ->each(fixes(BakeAxis::kLobes))
       ->type_name("N");
   add("--lobe-tolerance", settings.lobe_tolerance,
       "shared: no further lobe of a slice for less than this error, relative to its light")
@@ -86,6 +106,7 @@ void AddAccuracyWords(CLI::App& app, BakeOptions& options) {
       ->type_name("X");
   add("--drop", settings.drop, "Leave out slices that change the light by less than this")
       ->check(NumberRange(0, 1))
+      ->each(fixes(BakeAxis::kBits))
       ->type_name("X");
   add("--spatial-tolerance", settings.spatial_tolerance,
       "Vertices are baked, and edges halved, where predicting them is further off than this; 0: every vertex "

@@ -59,6 +59,13 @@ class ProgressPrinter {
   double next_ = 0;
 };
 
+void NoteTarget(const nlohmann::ordered_json& target) {
+  const bool reached = target["reached"].get<bool>();
+  Log(reached ? LogLevel::kNote : LogLevel::kWarning,
+      (reached ? "done: " : "not all that was asked for: ") + target["ended"].get<std::string>() + " (" +
+          std::to_string(target["rounds"].size()) + " rounds)");
+}
+
 Status RunBake(const BakeWords& words, const CommonWords& common) {
   GLINT_RETURN_IF_ERROR(CheckOutput(words.output, {".glint"}));
   GLINT_RETURN_IF_ERROR(CheckOutput(words.output + ".json", {".json"}));
@@ -78,16 +85,18 @@ Status RunBake(const BakeWords& words, const CommonWords& common) {
   if (baked.status().kind() == ErrorKind::kInterrupted)
     return Interrupted(baked.status().message() + "; run the same command again to go on");
   GLINT_ASSIGN_OR_RETURN(const BakeReport report, std::move(baked));
-  for (const std::string& note : report.notes) Log(LogLevel::kNote, words.scene + ": " + note);
+  const auto full = nlohmann::ordered_json::parse(report.json);
+  for (const auto& note : full["notes"]) Log(LogLevel::kNote, words.scene + ": " + note.get<std::string>());
   char summary[160];
   std::snprintf(summary, sizeof summary,
                 "%zu layers of %llu baked vertices x %llu directions, %.1f MB, in %.1f s",
-                report.layers.size(), static_cast<unsigned long long>(report.baked_vertices),
-                static_cast<unsigned long long>(report.directions),
+                full["layers"].size(), full["baked_vertices"].get<unsigned long long>(),
+                full["directions"].get<unsigned long long>(),
                 1e-6 * static_cast<double>(report.archive_bytes), report.seconds);
   Log(LogLevel::kNote, "wrote " + words.output + " and " + words.output + ".json (" + summary + ")");
-  const auto full = nlohmann::ordered_json::parse(report.json);
-  if (report.error) Log(LogLevel::kNote, "relative error of relit pictures: " + ErrorLine(full["error"]));
+  if (full.contains("error"))
+    Log(LogLevel::kNote, "relative error of relit pictures: " + ErrorLine(full["error"]));
+  if (full.contains("target")) NoteTarget(full["target"]);
   if (common.json) PrintJson(full);
   return {};
 }
@@ -137,6 +146,8 @@ Command AddBakeCommand(CLI::App& glint, CommonWords& common) {
       "Examples:\n"
       "  glint bake teapot.glb -o teapot.glint\n"
       "  glint bake teapot.glb -o teapot.glint --layers 2 --directions 2562 --threads 4\n"
+      "  glint bake teapot.glb -o teapot.glint --tolerance 0.1\n"
+      "  glint bake teapot.glb -o teapot.glint --max-seconds 60 --max-bytes 50MB\n"
       "  glint bake teapot.glb -o paper.glint --gather paper\n"
       "  glint bake teapot.glb -o teapot.glint --executor cluster --work-dir /shared/bakes --nats "
       "nats://queue:4222");

@@ -130,6 +130,7 @@ Status RunSubmit(const SubmitWords& words, const CommonWords& common) {
   request.key = words.key;
   request.name = fs::path(words.scene).filename().string();
   request.settings = words.options.settings;
+  request.target = words.options.target;
   request.max_layers = words.options.max_layers;
   request.layer_tolerance = words.options.layer_tolerance;
   request.table_form = words.options.table_form;

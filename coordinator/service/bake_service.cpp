@@ -15,8 +15,8 @@
 #include "common/base/files.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "coordinator/bake_target.h"
 #include "coordinator/work_folder.h"
-#include "worker/execution_id.h"
 
 namespace glint {
 namespace {
@@ -226,8 +226,7 @@ Status BakeService::Delete(const std::string& id) {
   GLINT_RETURN_IF_ERROR(journal_.Remove(id));
   slots_.erase(id);
   std::error_code error;
-  fs::remove(ArchivePath(id), error);
-  fs::remove(ArchivePath(id).string() + ".json", error);
+  for (const fs::path& file : ResultFiles(ArchivePath(id))) fs::remove(file, error);
   if (!Uses([&](const JournalEntry& e) { return e.request.scene == entry.request.scene; }))
     fs::remove(ScenePath(entry.request.scene), error);
   const std::optional<Digest> key = Digest::FromHex(entry.bake_key);  // none: it did not get so far
@@ -283,9 +282,9 @@ bool BakeService::IsUnusedScene(const fs::path& path, FileTime before) const {
 
 bool BakeService::IsUnusedResult(const fs::path& path) const {
   const std::string name = path.filename().string(), id = name.substr(0, name.find('.'));
-  const fs::path archive = ArchivePath(id);
-  const bool ours = path == archive || path.string() == archive.string() + ".json";
-  return ours && id.size() == kIdLength && slots_.count(id) == 0;
+  const std::vector<fs::path> files = ResultFiles(ArchivePath(id));
+  return std::find(files.begin(), files.end(), path) != files.end() && id.size() == kIdLength &&
+         slots_.count(id) == 0;
 }
 
 uint64_t BakeService::CollectFiles(const char* folder, FileTime before,
@@ -388,6 +387,7 @@ void BakeService::RunOne(const std::string& id) {
 Result<BakeReport> BakeService::Bake(const BakeRequest& request, const std::string& id) {
   BakeOptions options;
   options.settings = request.settings;
+  options.target = request.target;
   options.max_layers = request.max_layers;
   options.layer_tolerance = request.layer_tolerance;
   options.table_form = request.table_form;
@@ -400,6 +400,7 @@ Result<BakeReport> BakeService::Bake(const BakeRequest& request, const std::stri
   options.work_dir = options_.store;
   if (options_.make_executor) options.make_executor = options_.make_executor(request);
   options.stop = [=, this] { return MustStop(id); };
+  options.begins = [=, this](const Digest& bake_key) { NoteKey(id, bake_key); };
 
   NoteProgress(id, {"load"});
   GLINT_ASSIGN_OR_RETURN(std::vector<std::byte> bytes,
@@ -407,7 +408,6 @@ Result<BakeReport> BakeService::Bake(const BakeRequest& request, const std::stri
   // From memory: a file that a client sent names no other file.
   GLINT_ASSIGN_OR_RETURN(const Scene scene, LoadSceneFromMemory(bytes, request.name));
   bytes = {};
-  NoteKey(id, BakeKey(ExecutionId(), scene.content, request.settings));
   return BakeScene(scene, request.name, ArchivePath(id), options,
                    [=, this](const BakeProgress& progress) { NoteProgress(id, progress); });
 }

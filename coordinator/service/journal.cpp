@@ -2,6 +2,7 @@
 
 #include <sqlite3.h>
 
+#include <algorithm>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -39,6 +40,33 @@ Status ReadText(const Json& json, const char* name, std::string* out) {
   }
   *out = field->get<std::string>();
   return {};
+}
+
+Json TargetToJson(const BakeTarget& target) {
+  Json json = {{"tolerance", target.tolerance},
+               {"max_seconds", target.max_seconds},
+               {"max_bytes", target.max_bytes},
+               {"fixed", Json::array()}};
+  for (size_t a = 0; a < target.fixed.size(); ++a)
+    if (target.fixed[a]) json["fixed"].push_back(kBakeAxisNames[a]);
+  return json;
+}
+
+Result<BakeTarget> TargetFromJson(const Json& json) {
+  if (!json.is_object()) return BadInput("field 'target' is not a JSON object");
+  BakeTarget target;
+  GLINT_RETURN_IF_ERROR(ReadNumber(json, "tolerance", 0.0f, 1.0f, &target.tolerance));
+  GLINT_RETURN_IF_ERROR(ReadNumber(json, "max_seconds", 0.0, kMaxTargetSeconds, &target.max_seconds));
+  GLINT_RETURN_IF_ERROR(
+      ReadNumber(json, "max_bytes", uint64_t{0}, std::numeric_limits<uint64_t>::max(), &target.max_bytes));
+  const auto fixed = json.find("fixed");
+  if (fixed == json.end() || !fixed->is_array()) return BadInput("field 'fixed' is not a list");
+  for (const Json& name : *fixed) {
+    const auto axis = std::find(kBakeAxisNames.begin(), kBakeAxisNames.end(), name);
+    if (axis == kBakeAxisNames.end()) return BadInput("field 'fixed' names what is no axis");
+    target.fixed[static_cast<size_t>(axis - kBakeAxisNames.begin())] = true;
+  }
+  return target;
 }
 
 }  // namespace
@@ -162,6 +190,7 @@ std::string ToJson(const BakeRequest& request) {
                {"vertices_per_task", request.vertices_per_task},
                {"directions_per_task", request.directions_per_task},
                {"priority", request.priority}};
+  if (request.target.active()) json["target"] = TargetToJson(request.target);
   if (request.estimate_slices) json["estimate_slices"] = *request.estimate_slices;
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
@@ -189,6 +218,9 @@ Result<BakeRequest> ParseRequest(const std::string& text) {
   GLINT_RETURN_IF_ERROR(ReadNumber(json, "directions_per_task", 0u, kAny, &request.directions_per_task));
   GLINT_RETURN_IF_ERROR(ReadNumber(json, "priority", 1, kMaxPriority, &request.priority));
   request.table_form = static_cast<TableForm>(form);
+  if (json.contains("target")) {
+    GLINT_ASSIGN_OR_RETURN(request.target, TargetFromJson(json["target"]));
+  }
   if (json.contains("estimate_slices")) {
     constexpr auto kMost = static_cast<uint32_t>(kMaxEstimateSlices);
     GLINT_RETURN_IF_ERROR(ReadNumber(json, "estimate_slices", 0u, kMost, &request.estimate_slices.emplace()));

@@ -11,6 +11,7 @@
 #include "common/base/hash.h"
 #include "common/base/status.h"
 #include "common/domain/bake_settings.h"
+#include "coordinator/bake.h"
 
 namespace glint {
 
@@ -20,6 +21,7 @@ struct BakeRequest {
   Digest scene;     ///< of the file's bytes
   std::string name;
   BakeSettings settings;
+  BakeTarget target;  ///< BakeOptions::target
   int max_layers = 16;
   float layer_tolerance = 0.01f;
   TableForm table_form = kDefaultTableForm;

@@ -50,7 +50,7 @@ class ClusterTest : public testing::Test {
                                         "162",
                                         "--layers",
                                         "2",
-                                        "--tolerance",
+                                        "--layer-tolerance",
                                         "0",
                                         "--max-rays",
                                         "512",

@@ -200,7 +200,7 @@ TEST_F(NatsRightsTest, BakesWithTheseRights) {
                                     "162",
                                     "--layers",
                                     "1",
-                                    "--tolerance",
+                                    "--layer-tolerance",
                                     "0",
                                     "--max-rays",
                                     "512",

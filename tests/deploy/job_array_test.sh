@@ -5,7 +5,7 @@ set -eu
 glint="$1" slurm="$2" here="$(cd "$(dirname "$0")" && pwd)"
 folder="$(mktemp -d)"
 trap 'rm -rf "$folder"' EXIT
-words="--directions 42 --layers 1 --tolerance 0 --estimate 0 --max-rays 256 --vertices-per-task 60"
+words="--directions 42 --layers 1 --layer-tolerance 0 --estimate 0 --max-rays 256 --vertices-per-task 60"
 "$glint" scene planes --vertices 500 -o "$folder/scene.glb"
 # shellcheck disable=SC2086  # words
 "$glint" bake "$folder/scene.glb" -o "$folder/local.glint" --quiet $words

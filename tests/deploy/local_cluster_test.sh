@@ -11,7 +11,7 @@ export GLINT="$glint" GLINT_PORT NATS_PORT
 cluster=$!
 trap 'kill "$cluster" 2> /dev/null || true; wait; rm -rf "$folder"' EXIT
 
-words="--directions 42 --layers 1 --tolerance 0 --estimate 0 --max-rays 256"
+words="--directions 42 --layers 1 --layer-tolerance 0 --estimate 0 --max-rays 256"
 "$glint" scene planes --vertices 500 -o "$folder/scene.glb"
 # shellcheck disable=SC2086  # words
 "$glint" bake "$folder/scene.glb" -o "$folder/local.glint" --quiet $words

@@ -56,7 +56,7 @@ class ServeTest : public testing::Test {
     return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
   }
   std::vector<std::string> Accuracy() const {
-    return {"--directions",        "162", "--layers", "2", "--tolerance", "0", "--max-rays", "512",
+    return {"--directions",        "162", "--layers", "2", "--layer-tolerance", "0", "--max-rays", "512",
             "--vertices-per-task", "20"};
   }
   std::vector<std::string> Submit(const std::vector<std::string>& more) const {

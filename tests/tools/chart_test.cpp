@@ -293,6 +293,7 @@ TEST_F(ChartMeasureTest, KeysChangeWithEverythingThatMatters) {
       [](Settings& s) { s.bake.settings.fit.tolerance = 0.5f; },
       [](Settings& s) { s.bake.max_layers = 2; },
       [](Settings& s) { s.bake.layer_tolerance = 0.5f; },
+      [](Settings& s) { s.bake.target.tolerance = 0.5f; },
       [](Settings& s) { s.bake.table_form = TableForm::kClassic; }};
   std::set<Digest> keys{key, PointKey(MakeInput(), points_[1])};
   for (const auto& change : settings) {

@@ -307,7 +307,7 @@ TEST_F(ToolsArchiveTest, LayersThatWouldCarryNothingAreNone) {
   EXPECT_EQ(Render(picture, {"--layers", "1"}).exit_code, 2);
   EXPECT_EQ(Render(picture, {"--layer", "1"}).exit_code, 2);
   // Ended by the tolerance.
-  ASSERT_EQ(Bake({"9", "--tolerance", "1"}).exit_code, 0);
+  ASSERT_EQ(Bake({"9", "--layer-tolerance", "1"}).exit_code, 0);
   ASSERT_EQ(Render(all, {}).exit_code, 0);
   const ProcessResult more = Render(picture, {"--layers", "7"});
   EXPECT_EQ(more.exit_code, 0) << more.err;

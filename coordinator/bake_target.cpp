@@ -1,0 +1,482 @@
+#include "coordinator/bake_target.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "common/archive/archive.h"
+#include "common/base/files.h"
+#include "common/base/log.h"
+#include "common/domain/direction_grid.h"
+#include "common/round/settings_json.h"
+#include "coordinator/work_folder.h"
+
+namespace glint {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+using AxisSet = std::array<bool, kBakeAxes>;
+
+double Now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+// ---- What to bake next ----
+
+/// What one step along an axis is expected to do. Factors are those of teapot and goblets between 162 and
+/// 2562 directions, with a margin: a round that ends late is lost.
+struct AxisModel {
+  ErrorCause cause;
+  double gain;            ///< the cause's part after the step, of that before
+  double seconds, bytes;  ///< factors
+};
+constexpr std::array<AxisModel, kBakeAxes> kModels = {{
+    {ErrorCause::kAngular, 0.5, 2.5, 4.0},
+    {ErrorCause::kRays, 0.7, 2.0, 1.05},
+    {ErrorCause::kLobes, 0.7, 1.5, 1.6},
+    {ErrorCause::kBits, 0.5, 1.1, 1.3},
+}};
+const AxisModel& Model(int axis) { return kModels[static_cast<size_t>(axis)]; }
+
+/// An axis is refined while its cause is above this part of the largest, and of the tolerance: errors add up
+/// by their squares, so that what is below changes the whole by an eighth at most.
+constexpr double kNotable = 0.5;
+constexpr double kNotableOfTolerance = 0.25;
+/// Axes of at least this part of the best one's worth are refined in the same round, to save rounds.
+constexpr double kLikeWorth = 0.5;
+constexpr float kFinestDrop = 1.0f / 65536;
+constexpr int kMostRays = 1 << 17;
+constexpr int kCoarsestLevel = 2;
+
+/// One step finer; false: there is none.
+bool Refine(int axis, BakeSettings* s) {
+  const bool shared = s->method == GatherMethod::kShared;
+  int& most_rays = shared ? s->max_rays : s->paper_rays;
+  switch (static_cast<BakeAxis>(axis)) {
+    case BakeAxis::kDirections:
+      if (s->grid_level >= DirectionGrid::kMaxLevel) return false;
+      ++s->grid_level;
+      return true;
+    case BakeAxis::kRays:
+      if (most_rays >= kMostRays) return false;
+      most_rays *= 2;
+      if (shared) s->rays_per_kappa *= 2, s->min_rays = std::min(2 * s->min_rays, s->max_rays);
+      return true;
+    case BakeAxis::kLobes:
+      if (!shared || s->slice_lobes >= kMaxSliceLobes) return false;
+      s->slice_lobes = std::min(2 * s->slice_lobes, kMaxSliceLobes);
+      return true;
+    case BakeAxis::kBits:
+      if (s->drop <= kFinestDrop) return false;
+      s->drop /= 4;
+      return true;
+  }
+  return false;
+}
+
+BakeSettings Refined(BakeSettings settings, const AxisSet& axes) {
+  for (int a = 0; a < kBakeAxes; ++a)
+    if (axes[a]) Refine(a, &settings);
+  return settings;
+}
+
+double Cause(const TargetRound& round, int axis) {
+  if (static_cast<BakeAxis>(axis) == BakeAxis::kLobes)
+    return round.indirect_lobes;  // direct light keeps to one
+  return round.cause[static_cast<size_t>(Model(axis).cause)];
+}
+
+/// Largest part of the error that is a layer's own.
+double LargestCause(const TargetRound& round) {
+  double largest = 0;
+  for (int c = 0; c < kErrorCauses; ++c)
+    if (static_cast<ErrorCause>(c) != ErrorCause::kBelow) largest = std::max(largest, round.cause[c]);
+  return largest;
+}
+
+/// Axes that can be refined and whose causes stand out.
+AxisSet NotableAxes(const TargetRound& best, const BakeTarget& target) {
+  const double least =
+      std::max(kNotable * LargestCause(best), kNotableOfTolerance * static_cast<double>(target.tolerance));
+  AxisSet axes{};
+  for (int a = 0; a < kBakeAxes; ++a) {
+    BakeSettings scratch = best.settings;
+    axes[a] = !target.fixed[a] && Cause(best, a) > least && Refine(a, &scratch);
+  }
+  return axes;
+}
+
+/// Square of the error that a step takes out, for what it adds in time and bytes.
+double Worth(const TargetRound& best, int axis) {
+  const AxisModel& model = Model(axis);
+  const double cause = Cause(best, axis);
+  return cause * cause * (1 - model.gain * model.gain) / (model.seconds * model.bytes - 1);
+}
+
+/// Candidates for the next round, the one wanted most first: axes of about the same worth, then without the
+/// one of least, and so on; then each notable axis alone.
+std::vector<AxisSet> Candidates(const TargetRound& best, AxisSet axes) {
+  std::vector<int> order;
+  for (int a = 0; a < kBakeAxes; ++a)
+    if (axes[a]) order.push_back(a);
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return Worth(best, a) > Worth(best, b); });
+  std::vector<AxisSet> candidates;
+  for (size_t n = order.size(); n > 0; --n) {
+    if (Worth(best, order[n - 1]) >= kLikeWorth * Worth(best, order[0])) candidates.push_back(axes);
+    axes[order[n - 1]] = false;
+  }
+  for (size_t i = 1; i < order.size(); ++i) {
+    candidates.emplace_back();
+    candidates.back()[order[i]] = true;
+  }
+  return candidates;
+}
+
+bool Same(const BakeSettings& a, const BakeSettings& b) { return SettingsToJson(a) == SettingsToJson(b); }
+
+bool Tried(std::span<const TargetRound> rounds, const BakeSettings& settings) {
+  return std::any_of(rounds.begin(), rounds.end(),
+                     [&](const TargetRound& round) { return Same(round.settings, settings); });
+}
+
+std::string Text(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
+/// "spatial 0.04, angular 0.03": causes from the largest on, those that stand out.
+std::string DescribeCauses(const TargetRound& round) {
+  std::vector<std::pair<double, int>> causes;
+  for (int c = 0; c < kErrorCauses; ++c)
+    if (round.cause[c] > kNotable * LargestCause(round)) causes.emplace_back(-round.cause[c], c);
+  std::sort(causes.begin(), causes.end());
+  std::string text;
+  for (const auto& [part, cause] : causes)
+    text += (text.empty() ? "" : ", ") + std::string(kErrorCauseNames[cause]) + " " + Text(-part);
+  return text;
+}
+
+double IndirectLobes(const ErrorEstimate& error) {
+  double squares = 0;
+  for (size_t layer = 1; layer < error.layers.size(); ++layer) {
+    const double part = error.layers[layer].cause[static_cast<size_t>(ErrorCause::kLobes)];
+    squares += part * part;
+  }
+  return std::sqrt(squares);
+}
+
+/// The last round that was kept, which is the best; null if there is none.
+const TargetRound* BestOf(std::span<const TargetRound> rounds) {
+  for (size_t i = rounds.size(); i > 0; --i)
+    if (rounds[i - 1].kept) return &rounds[i - 1];
+  return nullptr;
+}
+
+// ---- Rounds of earlier runs ----
+
+fs::path RoundsPath(const fs::path& out_path) { return out_path.string() + ".rounds.json"; }
+/// Where a round's archive is written before it is known to be better.
+fs::path NextPath(const fs::path& out_path) { return out_path.string() + ".next"; }
+fs::path ReportPath(const fs::path& archive) { return archive.string() + ".json"; }
+constexpr uint64_t kMaxReportBytes = uint64_t{1} << 26;
+
+Json ToJson(const TargetRound& round) {
+  return {{"settings", SettingsToJson(round.settings)}, {"error", round.error},     {"cause", round.cause},
+          {"indirect_lobes", round.indirect_lobes},     {"seconds", round.seconds}, {"bytes", round.bytes},
+          {"archive_key", round.archive_key},           {"kept", round.kept}};
+}
+
+std::optional<TargetRound> RoundFromJson(const Json& json) {
+  TargetRound round;
+  try {
+    Result<BakeSettings> settings = SettingsFromJson(json.at("settings"));
+    if (!settings.ok()) return std::nullopt;
+    round.settings = *settings;
+    json.at("error").get_to(round.error);
+    json.at("cause").get_to(round.cause);
+    json.at("indirect_lobes").get_to(round.indirect_lobes);
+    json.at("seconds").get_to(round.seconds);
+    json.at("bytes").get_to(round.bytes);
+    json.at("archive_key").get_to(round.archive_key);
+    json.at("kept").get_to(round.kept);
+  } catch (const Json::exception&) {
+    return std::nullopt;
+  }
+  return round;
+}
+
+std::string RoundsJson(const Digest& start_key, std::span<const TargetRound> rounds) {
+  Json json = {{"key", start_key.Hex()}, {"rounds", Json::array()}};
+  for (const TargetRound& round : rounds) json["rounds"].push_back(ToJson(round));
+  return json.dump(1, '\t');
+}
+
+Json ReadJson(const fs::path& path) {
+  const Result<std::vector<std::byte>> bytes = ReadFile(path, kMaxReportBytes);
+  if (!bytes.ok()) return {};
+  const auto* text = reinterpret_cast<const char*>(bytes->data());
+  return Json::parse(text, text + bytes->size(), nullptr, /*allow_exceptions=*/false);
+}
+
+bool HasKey(const fs::path& report, const std::string& archive_key) {
+  const Json json = ReadJson(report);
+  return json.is_object() && json.value("archive_key", Json()) == archive_key;
+}
+
+bool IsArchive(const fs::path& path, const std::string& archive_key) {
+  std::error_code error;
+  if (!fs::is_regular_file(path, error)) return false;
+  const Result<Archive> archive = Archive::Open(path);
+  return archive.ok() && archive->archive_key().Hex() == archive_key;
+}
+
+/// Moves a round's archive and report to where they belong, or what of it a kill has left to do. False: they
+/// are nowhere.
+Result<bool> PutInPlace(const fs::path& out_path, const std::string& archive_key) {
+  const fs::path next = NextPath(out_path);
+  const auto put = [&](const fs::path& from, const fs::path& to, auto is_it) -> Result<bool> {
+    if (is_it(to, archive_key)) return true;
+    if (!is_it(from, archive_key)) return false;
+    std::error_code error;
+    fs::rename(from, to, error);
+    if (error) return IoError(to.string() + ": cannot put the file in place: " + error.message());
+    return true;
+  };
+  GLINT_ASSIGN_OR_RETURN(const bool archive, put(next, out_path, IsArchive));
+  GLINT_ASSIGN_OR_RETURN(const bool report, put(ReportPath(next), ReportPath(out_path), HasKey));
+  return archive && report;
+}
+
+/// Finished rounds of the same bake, the best of them in place; none if it is lost.
+Result<std::vector<TargetRound>> LoadRounds(const Digest& start_key, const fs::path& out_path) {
+  const std::vector<TargetRound> none;
+  const Json json = ReadJson(RoundsPath(out_path));
+  if (!json.is_object() || json.value("key", Json()) != start_key.Hex() || !json.contains("rounds"))
+    return none;
+  std::vector<TargetRound> rounds;
+  for (const Json& entry : json["rounds"]) {
+    std::optional<TargetRound> round = RoundFromJson(entry);
+    if (!round) return none;
+    rounds.push_back(std::move(*round));
+  }
+  const TargetRound* best = BestOf(rounds);
+  if (!best) return rounds;
+  GLINT_ASSIGN_OR_RETURN(const bool there, PutInPlace(out_path, best->archive_key));
+  return there ? rounds : none;
+}
+
+// ---- Running rounds ----
+
+class TargetBake {
+ public:
+  TargetBake(const Digest& start_key, const fs::path& out_path, const BakeOptions& options,
+             const RoundBake& bake)
+      : key_(start_key), out_(out_path), options_(options), bake_(bake), begin_(Now()) {}
+
+  Result<BakeReport> Run() {
+    GLINT_ASSIGN_OR_RETURN(rounds_, LoadRounds(key_, out_));
+    found_ = rounds_.size();
+    TargetStep step;
+    for (;;) {
+      step = Next();
+      if (!step.settings) break;
+      GLINT_ASSIGN_OR_RETURN(const bool in_time, RunRound(*step.settings));
+      if (in_time) continue;
+      step.reason = "the time is over";
+      break;
+    }
+    RemoveNext();
+    const TargetRound* best = BestOf(rounds_);
+    if (best) return Finish(*best, step);
+    std::error_code ignored;
+    fs::remove(RoundsPath(out_), ignored);
+    return NothingFits();
+  }
+
+ private:
+  bool timed() const { return options_.target.max_seconds > 0; }
+  double SecondsUsed() const {
+    double seconds = Now() - begin_;
+    for (size_t i = 0; i < found_; ++i) seconds += rounds_[i].seconds;
+    return seconds;
+  }
+  double SecondsLeft() const { return options_.target.max_seconds - SecondsUsed(); }
+
+  TargetStep Next() {
+    if (rounds_.empty()) return {CoarsestSettings(options_.settings, options_.target), false, ""};
+    return NextStep(rounds_, options_.target, SecondsLeft());
+  }
+
+  /// False: its time was over before it was done.
+  Result<bool> RunRound(const BakeSettings& settings) {
+    BakeOptions options = options_;
+    options.target = {};
+    options.settings = settings;
+    // What layers left out carry is no part of the estimate.
+    if (options_.target.tolerance > 0)
+      options.layer_tolerance = std::min(options.layer_tolerance, options_.target.tolerance / 4);
+    std::optional<Digest> key;
+    options.begins = [&](const Digest& bake_key) {
+      key = bake_key;
+      if (options_.begins) options_.begins(bake_key);
+    };
+    bool late = false;
+    options.stop = [&] {
+      if (options_.stop && options_.stop()) return true;
+      return late = timed() && SecondsLeft() <= 0;
+    };
+    const double begin = Now();
+    const Result<BakeReport> report = bake_(options, NextPath(out_));
+    if (!report.ok() && late) {
+      Discard(key);
+      return false;
+    }
+    if (!report.ok()) return report.status();
+    GLINT_RETURN_IF_ERROR(Judge(settings, *report, Now() - begin));
+    return true;
+  }
+
+  /// Puts the round into place if it is better, and notes it either way.
+  Status Judge(const BakeSettings& settings, const BakeReport& report, double seconds) {
+    TargetRound round;
+    round.settings = settings;
+    round.error = report.error->all.rms;
+    round.cause = report.error->all.cause;
+    round.indirect_lobes = IndirectLobes(*report.error);
+    round.seconds = seconds;
+    round.bytes = report.archive_bytes;
+    round.archive_key = report.archive_key.Hex();
+    const TargetRound* best = BestOf(rounds_);
+    const uint64_t most = options_.target.max_bytes;
+    round.kept = (most == 0 || round.bytes <= most) && (!best || round.error < best->error);
+    rounds_.push_back(std::move(round));
+    Log(LogLevel::kNote, "round " + std::to_string(rounds_.size()) + ": error " + Text(rounds_.back().error) +
+                             " (" + DescribeCauses(rounds_.back()) + "), " +
+                             Text(1e-6 * static_cast<double>(rounds_.back().bytes)) + " MB, " +
+                             Text(rounds_.back().seconds) + " s");
+    const std::string notes = RoundsJson(key_, rounds_);
+    GLINT_RETURN_IF_ERROR(PublishFile(RoundsPath(out_), std::as_bytes(std::span(notes))));
+    if (rounds_.back().kept) return PutInPlace(out_, rounds_.back().archive_key).status();
+    RemoveNext();
+    return {};
+  }
+
+  void RemoveNext() const {
+    std::error_code ignored;
+    fs::remove(NextPath(out_), ignored);
+    fs::remove(ReportPath(NextPath(out_)), ignored);
+  }
+
+  /// Finished tasks of a round that nobody will take up.
+  void Discard(const std::optional<Digest>& key) const {
+    if (!key || options_.keep_work) return;
+    const fs::path root =
+        options_.work_dir.empty() ? fs::path(NextPath(out_).string() + ".work") : options_.work_dir;
+    const Result<bool> removed = WorkFolder::RemoveUnused(root, *key);
+    if (!removed.ok()) Log(LogLevel::kWarning, removed.status().message());
+    std::error_code ignored;
+    if (options_.work_dir.empty()) fs::remove(root, ignored);  // only if it is empty
+  }
+
+  Status NothingFits() const {
+    std::string text = out_.string() + ": no bake of the scene is within the budget:";
+    if (rounds_.empty())
+      return LimitExceeded(text + " the coarsest takes more than " + Text(options_.target.max_seconds) +
+                           " s; give more, or fewer vertices");
+    return LimitExceeded(text + " the coarsest has " + std::to_string(rounds_.front().bytes) +
+                         " bytes; allow that, or give fewer vertices");
+  }
+
+  /// The best round's report with what was reached.
+  Result<BakeReport> Finish(const TargetRound& best, const TargetStep& step) {
+    Json json = ReadJson(ReportPath(out_));
+    const BakeTarget& target = options_.target;
+    Json& told = json["target"] = {{"tolerance", target.tolerance}, {"max_seconds", target.max_seconds},
+                                   {"max_bytes", target.max_bytes}, {"reached", step.reached},
+                                   {"error", best.error},           {"ended", step.reason},
+                                   {"seconds", SecondsUsed()},      {"rounds", Json::array()}};
+    for (const TargetRound& round : rounds_) told["rounds"].push_back(ToJson(round));
+    BakeReport report;
+    report.json = json.dump(1, '\t', false, Json::error_handler_t::replace) + "\n";
+    report.archive_bytes = best.bytes;
+    report.archive_key = *Digest::FromHex(best.archive_key);
+    report.seconds = SecondsUsed();
+    GLINT_RETURN_IF_ERROR(PublishFile(ReportPath(out_), std::as_bytes(std::span(report.json))));
+    std::error_code ignored;
+    fs::remove(RoundsPath(out_), ignored);
+    return report;
+  }
+
+  const Digest key_;
+  const fs::path out_;
+  const BakeOptions& options_;
+  const RoundBake& bake_;
+  const double begin_;
+  std::vector<TargetRound> rounds_;
+  size_t found_ = 0;  ///< rounds of earlier runs
+};
+
+}  // namespace
+
+BakeSettings CoarsestSettings(const BakeSettings& settings, const BakeTarget& target) {
+  const auto is_free = [&](BakeAxis axis) { return !target.fixed[static_cast<size_t>(axis)]; };
+  BakeSettings coarsest = settings;
+  if (is_free(BakeAxis::kDirections)) coarsest.grid_level = std::min(settings.grid_level, kCoarsestLevel);
+  if (is_free(BakeAxis::kRays)) {
+    coarsest.rays_per_kappa /= 4;
+    coarsest.min_rays = std::max(settings.min_rays / 4, 1);
+    coarsest.max_rays = std::max(settings.max_rays / 4, coarsest.min_rays);
+    coarsest.paper_rays = std::max(settings.paper_rays / 4, 1);
+  }
+  if (is_free(BakeAxis::kLobes)) coarsest.slice_lobes = 1;
+  if (is_free(BakeAxis::kBits)) coarsest.drop = std::max(settings.drop, target.tolerance / 32);
+  return coarsest;
+}
+
+std::vector<fs::path> ResultFiles(const fs::path& out_path) {
+  const fs::path next = NextPath(out_path);
+  return {out_path, ReportPath(out_path), next, ReportPath(next), RoundsPath(out_path)};
+}
+
+TargetStep NextStep(std::span<const TargetRound> rounds, const BakeTarget& target, double seconds_left) {
+  const TargetRound* best = BestOf(rounds);
+  if (!best) return {{}, false, "the coarsest bake has more bytes than it may"};
+  if (target.tolerance > 0 && best->error <= static_cast<double>(target.tolerance))
+    return {{}, true, "the tolerance is reached"};
+  bool budget = false, tried = false;
+  for (const AxisSet& axes : Candidates(*best, NotableAxes(*best, target))) {
+    const BakeSettings next = Refined(best->settings, axes);
+    if (Tried(rounds, next)) {
+      tried = true;
+      continue;
+    }
+    double seconds = best->seconds, bytes = static_cast<double>(best->bytes);
+    for (int a = 0; a < kBakeAxes; ++a)
+      if (axes[a]) seconds *= Model(a).seconds, bytes *= Model(a).bytes;
+    const bool fits = (target.max_seconds <= 0 || seconds <= seconds_left) &&
+                      (target.max_bytes == 0 || bytes <= static_cast<double>(target.max_bytes));
+    if (fits) return {next, false, ""};
+    budget = true;
+  }
+  const std::string left = "what is left is " + DescribeCauses(*best);
+  if (budget) return {{}, false, "no finer bake is expected to be within the budget; " + left};
+  const bool any = target.tolerance <= 0;  // without a tolerance the best there is was asked for
+  return {
+      {}, any, (tried ? "finer bakes were no better; " : "nothing that can be refined stands out; ") + left};
+}
+
+Result<BakeReport> RefineToTarget(const Digest& start_key, const fs::path& out_path,
+                                  const BakeOptions& options, const RoundBake& bake) {
+  if (options.estimate_slices == 0u)
+    return UsageError(
+        "a tolerance or a budget needs the estimate of the error to go by; leave out --estimate 0");
+  return TargetBake(start_key, out_path, options, bake).Run();
+}
+
+}  // namespace glint

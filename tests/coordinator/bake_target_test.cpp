@@ -1,0 +1,259 @@
+#include "coordinator/bake_target.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "common/archive/archive.h"
+#include "common/round/settings_json.h"
+#include "tests/base/temp_folder.h"
+#include "tests/coordinator/bake_fixture.h"
+
+namespace glint {
+namespace {
+
+namespace fs = std::filesystem;
+using bake_fixture::BytesOf;
+using bake_fixture::Generated;
+using bake_fixture::SmallOptions;
+
+size_t Of(BakeAxis axis) { return static_cast<size_t>(axis); }
+
+/// A kept round at the default settings with the causes lobes, bits, angular, spatial, below, rays.
+TargetRound Round(const std::array<double, kErrorCauses>& cause, double error = 0.2) {
+  TargetRound round;
+  round.error = error;
+  round.cause = cause;
+  round.indirect_lobes = cause[static_cast<size_t>(ErrorCause::kLobes)];
+  round.seconds = 10;
+  round.bytes = 1'000'000;
+  round.kept = true;
+  return round;
+}
+
+struct Steps {
+  bool directions, rays, lobes, bits;
+  bool operator==(const Steps&) const = default;
+};
+
+Steps Difference(const BakeSettings& from, const BakeSettings& to) {
+  return {to.grid_level > from.grid_level, to.rays_per_kappa > from.rays_per_kappa,
+          to.slice_lobes > from.slice_lobes, to.drop < from.drop};
+}
+
+TEST(NextStepTest, RefinesWhatStandsOut) {
+  const BakeTarget target{.tolerance = 0.02f};
+  const std::vector<TargetRound> angular{Round({0.01, 0.01, 0.1, 0.02, 0.2, 0.02})};
+  const TargetStep step = NextStep(angular, target, 0);
+  ASSERT_TRUE(step.settings);
+  EXPECT_EQ(Difference(angular[0].settings, *step.settings), (Steps{true, false, false, false}));
+
+  const std::vector<TargetRound> two{Round({0.06, 0.01, 0.1, 0.02, 0.2, 0.02})};
+  EXPECT_EQ(Difference(two[0].settings, *NextStep(two, target, 0).settings),
+            (Steps{true, false, true, false}));
+}
+
+TEST(NextStepTest, LeavesAloneWhatIsFixed) {
+  BakeTarget target{.tolerance = 0.02f};
+  target.fixed[Of(BakeAxis::kDirections)] = true;
+  const std::vector<TargetRound> rounds{Round({0.06, 0.01, 0.1, 0.02, 0.2, 0.02})};
+  EXPECT_EQ(Difference(rounds[0].settings, *NextStep(rounds, target, 0).settings),
+            (Steps{false, false, true, false}));
+  target.fixed[Of(BakeAxis::kLobes)] = true;
+  const TargetStep none = NextStep(rounds, target, 0);
+  EXPECT_FALSE(none.settings);
+  EXPECT_FALSE(none.reached);
+  EXPECT_NE(none.reason.find("angular 0.1"), std::string::npos) << none.reason;
+}
+
+TEST(NextStepTest, EndsAtTheTolerance) {
+  const std::vector<TargetRound> rounds{Round({0, 0, 0.1, 0, 0, 0}, 0.1)};
+  EXPECT_TRUE(NextStep(rounds, {.tolerance = 0.1f}, 0).reached);
+  EXPECT_TRUE(NextStep(rounds, {.tolerance = 0.09f}, 0).settings);
+}
+
+TEST(NextStepTest, DoesNotRefineBesideALargerCauseThatItCannotMend) {
+  const std::vector<TargetRound> rounds{Round({0.02, 0.01, 0.02, 0.2, 0.2, 0.02})};
+  const TargetStep step = NextStep(rounds, {.tolerance = 0.01f}, 0);
+  EXPECT_FALSE(step.settings);
+  EXPECT_FALSE(step.reached);
+  EXPECT_NE(step.reason.find("spatial"), std::string::npos) << step.reason;
+}
+
+TEST(NextStepTest, LobesOfDirectLightAreNobodysAxis) {
+  std::vector<TargetRound> rounds{Round({0.1, 0, 0, 0, 0, 0})};
+  EXPECT_TRUE(NextStep(rounds, {.tolerance = 0.01f}, 0).settings);
+  rounds[0].indirect_lobes = 0.02;
+  EXPECT_FALSE(NextStep(rounds, {.tolerance = 0.01f}, 0).settings);
+}
+
+TEST(NextStepTest, WithinBudgetsTheBestForItsCostComesFirst) {
+  const std::vector<TargetRound> rounds{Round({0.1, 0.01, 0.1, 0.02, 0.2, 0.1})};
+  const auto step = [&](double seconds_left, uint64_t max_bytes) {
+    const TargetStep next = NextStep(rounds, {.max_seconds = 1000, .max_bytes = max_bytes}, seconds_left);
+    return next.settings ? Difference(rounds[0].settings, *next.settings) : Steps{};
+  };
+  EXPECT_EQ(step(1000, 0), (Steps{false, true, true, false})) << "four times the bytes come last";
+  EXPECT_EQ(step(35, 0), (Steps{false, true, true, false})) << "three times as long";
+  EXPECT_EQ(step(16, 0), (Steps{false, false, true, false}));
+  EXPECT_EQ(step(10, 0), Steps{});
+  EXPECT_EQ(step(1000, 1'100'000), (Steps{false, true, false, false})) << "rays cost no bytes";
+  EXPECT_EQ(step(1000, 1'000'000), Steps{});
+}
+
+TEST(NextStepTest, EndsWhateverTheRoundsAre) {
+  std::vector<TargetRound> rounds{Round({0.1, 0.1, 0.1, 0.1, 0.1, 0.1})};
+  const BakeTarget target{.tolerance = 1e-6f};
+  for (int i = 0; i < 1000; ++i) {
+    const TargetStep step = NextStep(rounds, target, 0);
+    if (!step.settings) break;
+    for (const TargetRound& round : rounds)
+      EXPECT_NE(SettingsToJson(round.settings), SettingsToJson(*step.settings));
+    rounds.push_back(Round({0.1, 0.1, 0.1, 0.1, 0.1, 0.1}));
+    rounds.back().settings = *step.settings;
+    rounds.back().kept = i % 2 == 0;
+  }
+  EXPECT_LT(rounds.size(), 100u);
+}
+
+TEST(CoarsestSettingsTest, WhatIsFixedStays) {
+  BakeTarget target{.tolerance = 0.1f};
+  const BakeSettings settings;
+  EXPECT_LT(CoarsestSettings(settings, target).grid_level, settings.grid_level);
+  EXPECT_LT(CoarsestSettings(settings, target).max_rays, settings.max_rays);
+  target.fixed.fill(true);
+  EXPECT_EQ(SettingsToJson(CoarsestSettings(settings, target)), SettingsToJson(settings));
+}
+
+// ---- Whole bakes ----
+
+class BakeTargetTest : public testing::Test {
+ protected:
+  BakeTargetTest() {
+    options_ = SmallOptions();
+    options_.settings = {};
+    options_.max_layers = 1;
+    options_.estimate_slices = 64;
+  }
+
+  Result<BakeReport> Run(const std::string& name = "out.glint") {
+    return BakeScene(scene_, "scene", folder_.path() / name, options_);
+  }
+  nlohmann::json Target(const std::string& name = "out.glint") const {
+    const std::vector<std::byte> bytes = BytesOf(folder_.path() / (name + ".json"));
+    const auto* text = reinterpret_cast<const char*>(bytes.data());
+    return nlohmann::json::parse(text, text + bytes.size())["target"];
+  }
+  std::vector<std::string> Files() const {
+    std::vector<std::string> names;
+    for (const auto& entry : fs::directory_iterator(folder_.path())) names.push_back(entry.path().filename());
+    std::sort(names.begin(), names.end());
+    return names;
+  }
+
+  const Scene scene_ = Generated("goblets", 700, 100);
+  BakeOptions options_;
+  TempFolder folder_;
+};
+
+TEST_F(BakeTargetTest, FindsSettingsThatReachTheTolerance) {
+  options_.target.tolerance = 0.5f;
+  ASSERT_TRUE(Run("coarse.glint").ok());
+  const nlohmann::json coarse = Target("coarse.glint");
+  EXPECT_TRUE(coarse["reached"]) << coarse["ended"];
+  EXPECT_LE(coarse["error"], 0.5);
+
+  options_.target.tolerance = 0.02f;
+  const Result<BakeReport> report = Run();
+  ASSERT_TRUE(report.ok()) << report.status().message();
+  const nlohmann::json fine = Target();
+  ASSERT_GT(fine["rounds"].size(), coarse["rounds"].size());
+  EXPECT_LT(fine["error"], coarse["error"]);
+  EXPECT_EQ(fine["reached"].get<bool>(), fine["error"].get<double>() <= 0.02);
+  const Result<Archive> archive = Archive::Open(folder_.path() / "out.glint");
+  ASSERT_TRUE(archive.ok()) << archive.status().message();
+  EXPECT_EQ(archive->archive_key(), report->archive_key);
+  EXPECT_EQ(Files(),
+            (std::vector<std::string>{"coarse.glint", "coarse.glint.json", "out.glint", "out.glint.json"}));
+}
+
+TEST_F(BakeTargetTest, StoppedAnywhereItGoesOnToTheSameBytes) {
+  options_.target.tolerance = 0.02f;
+  ASSERT_TRUE(Run("whole.glint").ok());
+  const size_t rounds = Target("whole.glint")["rounds"].size();
+  ASSERT_GE(rounds, 2u);
+  int stops = 0;
+  for (int calls = 40;; calls += 40) {
+    int left = calls;
+    options_.stop = [&left] { return --left < 0; };
+    const Result<BakeReport> report = Run();
+    if (report.ok()) break;
+    ASSERT_EQ(report.status().kind(), ErrorKind::kInterrupted) << report.status().message();
+    ++stops;
+  }
+  EXPECT_GE(stops, 1);
+  EXPECT_EQ(Target()["rounds"].size(), rounds);
+  EXPECT_EQ(BytesOf(folder_.path() / "out.glint"), BytesOf(folder_.path() / "whole.glint"));
+}
+
+TEST_F(BakeTargetTest, FinishedRoundsAreNotBakedAgain) {
+  options_.target.tolerance = 0.02f;
+  size_t begun = 0, allowed = 2;
+  options_.begins = [&begun](const Digest&) { ++begun; };
+  options_.stop = [&] { return begun > allowed; };
+  ASSERT_EQ(Run().status().kind(), ErrorKind::kInterrupted);
+  ASSERT_TRUE(Archive::Open(folder_.path() / "out.glint").ok()) << "the best so far is there";
+  // As after a kill between the note of a round and its archive's move.
+  fs::rename(folder_.path() / "out.glint", folder_.path() / "out.glint.next");
+  options_.stop = {};
+  begun = 0;
+  ASSERT_TRUE(Run().ok());
+  EXPECT_EQ(begun, Target()["rounds"].size() - 2);
+}
+
+TEST_F(BakeTargetTest, RoundsWhoseBestIsLostAreBakedAgain) {
+  options_.target.tolerance = 0.02f;
+  size_t begun = 0;
+  options_.begins = [&begun](const Digest&) { ++begun; };
+  options_.stop = [&] { return begun > 1; };
+  ASSERT_EQ(Run().status().kind(), ErrorKind::kInterrupted);
+  fs::remove(folder_.path() / "out.glint");
+  options_.stop = {};
+  begun = 0;
+  ASSERT_TRUE(Run().ok());
+  EXPECT_EQ(begun, Target()["rounds"].size());
+}
+
+TEST_F(BakeTargetTest, KeepsWithinBytes) {
+  options_.target.tolerance = 0.001f;
+  ASSERT_TRUE(Run("any.glint").ok());
+  const uint64_t any = fs::file_size(folder_.path() / "any.glint");
+  const uint64_t first = Target("any.glint")["rounds"][0]["bytes"];
+  ASSERT_LT(first, any);
+  options_.target = {.max_bytes = any - 1};
+  ASSERT_TRUE(Run().ok());
+  EXPECT_LE(fs::file_size(folder_.path() / "out.glint"), any - 1);
+
+  options_.target.max_bytes = first - 1;
+  const Result<BakeReport> none = Run("none.glint");
+  EXPECT_EQ(none.status().kind(), ErrorKind::kLimit);
+  EXPECT_FALSE(fs::exists(folder_.path() / "none.glint"));
+}
+
+TEST_F(BakeTargetTest, ATimeThatIsOverIsALimit) {
+  options_.target.max_seconds = 1e-6;
+  const Result<BakeReport> report = Run();
+  EXPECT_EQ(report.status().kind(), ErrorKind::kLimit);
+  EXPECT_TRUE(Files().empty()) << "nothing of it is kept";
+}
+
+TEST_F(BakeTargetTest, NeedsAnEstimate) {
+  options_.target.tolerance = 0.1f;
+  options_.estimate_slices = 0;
+  EXPECT_EQ(Run().status().kind(), ErrorKind::kUsage);
+}
+
+}  // namespace
+}  // namespace glint
