@@ -21,6 +21,7 @@ class Predictions {
   /// if no parent has any.
   std::vector<Parent> Combine(std::span<const Parent> parents) const;
   std::span<const Parent> Of(uint32_t node) const { return lists_[node]; }
+  size_t nodes() const { return lists_.size(); }
   size_t baked() const { return baked_; }
 
   /// What is baked in the end, for a domain's nodes with their splits. Every node that is the same as another

@@ -12,21 +12,16 @@
 #include "common/base/parallel.h"
 #include "common/scene/ray_scene.h"
 #include "coordinator/spatial/predictions.h"
-#include "coordinator/spatial/probe_rows.h"
 #include "coordinator/spatial/vertex_hierarchy.h"
 #include "coordinator/spatial/visibility_masks.h"
 
 namespace glint {
 namespace {
 
-/// Vertices that see other things than those they are predicted from, in more than this part of the
-/// directions, are tested though nothing around them is badly predicted.
-constexpr double kUnlike = 0.08;
-/// The first levels above the coarsest are tested everywhere: what is around them has not been.
-constexpr int kTestedLevels = 2;
-/// Faces are large, and tested inside even where nothing around them says so, above this part of the surface;
-/// and, where their corners see different things, above the second.
-constexpr double kLargeFace = 1.0 / 128, kUnlikeFace = 1.0 / 16384;
+/// Square of a prediction's relative error of radiance, for each of what it gets wrong of what is seen.
+constexpr double kOfUnlike = 0.5;
+/// Faces are large, and tested inside whatever their corners see, above this part of the surface.
+constexpr double kLargeFace = 1.0 / 512;
 constexpr int kMaxSplitRounds = FacetTree::kMaxDepth;
 
 /// Of each node the first that is the same in all that counts.
@@ -39,13 +34,7 @@ std::vector<uint32_t> SameNodes(const std::vector<uint32_t>& welded, const Facet
 class Refinement {
  public:
   Refinement(const RefinementInput& input, const RayScene& rays, BakeDomain* domain)
-      : input_(input),
-        domain_(*domain),
-        hierarchy_(BuildHierarchy(domain_)),
-        masks_(domain_, rays),
-        probes_({domain, input.grid, input.settings, input.bake_key, input.store, input.executor,
-                 input.threads, 64}),
-        error_(domain_.vertex_count(), 0) {
+      : input_(input), domain_(*domain), hierarchy_(BuildHierarchy(domain_)), masks_(domain_, rays) {
     predictions_.Resize(domain_.vertex_count());
     double diagonal = 0;
     if (!domain_.positions.empty()) {
@@ -62,13 +51,12 @@ class Refinement {
   }
 
   Result<RefinementReport> Run() {
-    GLINT_RETURN_IF_ERROR(BakeCoarsest());
-    for (int level = 1; level <= hierarchy_.levels; ++level) GLINT_RETURN_IF_ERROR(RefineLevel(level));
+    BakeCoarsest();
+    for (int level = 1; level <= hierarchy_.levels; ++level) RefineLevel(level);
     GLINT_RETURN_IF_ERROR(RefineFaces());
     const std::vector<uint32_t> same = SameNodes(hierarchy_.welded, domain_.nodes.facets);
     domain_.nodes = predictions_.Finish(domain_, same);
     report_.levels = static_cast<uint32_t>(hierarchy_.levels);
-    report_.tested = probes_.computed();
     report_.baked = domain_.nodes.rows.size();
     report_.middles = domain_.nodes.facets.middles().size();
     report_.degenerate = hierarchy_.degenerate;
@@ -82,8 +70,7 @@ class Refinement {
     uint32_t node;
     std::vector<Parent> parents;
     double area;
-    double square_error = 0;
-    double weighed = 0;  ///< the same, by how much of the surface it is about
+    double weighed = 0;  ///< square of the error, by how much of the surface it is about
   };
 
   double Area(const std::array<uint32_t, 3>& corner) const {
@@ -102,66 +89,44 @@ class Refinement {
     return input_.settings.max_vertices > 0 && predictions_.baked() >= input_.settings.max_vertices;
   }
 
-  Status BakeCoarsest() {
+  void BakeCoarsest() {
     std::vector<uint32_t> nodes;
     for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
       if (hierarchy_.welded[v] == v && hierarchy_.level[v] == 0 && used_[v]) nodes.push_back(v);
-    GLINT_RETURN_IF_ERROR(Compute(nodes));
-    for (const uint32_t v : nodes) predictions_.Bake(v, probes_.Dark(v));
-    return {};
+    Look(nodes);
+    for (const uint32_t v : nodes) predictions_.Bake(v, masks_.Dark(v));
   }
 
-  Status Compute(const std::vector<uint32_t>& nodes) {
+  void Look(const std::vector<uint32_t>& nodes) {
     ++report_.rounds;
-    return probes_.Compute(nodes);
+    report_.tested += nodes.size();
+    masks_.Look(nodes, input_.threads);
   }
 
-  /// Tests a level's vertices where that may be needed; the others are predicted.
-  Status RefineLevel(int level) {
+  void RefineLevel(int level) {
     std::vector<Candidate> candidates;
-    std::vector<uint32_t> all;
-    for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
-      if (hierarchy_.welded[v] == v && hierarchy_.level[v] == level) all.push_back(v);
-    std::vector<uint32_t> looked = all;
-    for (const uint32_t v : all)
-      for (const Parent& p : hierarchy_.parents[v]) looked.push_back(p.node);
-    masks_.Look(looked, input_.threads);
-    for (const uint32_t v : all) {
+    for (uint32_t v = 0; v < domain_.vertex_count(); ++v) {
+      if (hierarchy_.welded[v] != v || hierarchy_.level[v] != level) continue;
       predictions_.Predict(v, hierarchy_.parents[v]);
-      if (level <= kTestedLevels || MayDiffer(v))
-        candidates.push_back({v, hierarchy_.parents[v], hierarchy_.area[v]});
+      candidates.push_back({v, hierarchy_.parents[v], hierarchy_.area[v]});
     }
-    return Test(std::move(candidates));
+    Test(std::move(candidates));
   }
 
-  bool MayDiffer(uint32_t v) const {
-    for (const Parent& p : hierarchy_.parents[v])
-      if (error_[p.node] > 0) return true;
-    double unlike = 0;
-    for (const Parent& p : hierarchy_.parents[v]) unlike += p.weight * masks_.Difference(v, p.node);
-    return unlike > kUnlike;
-  }
-
-  /// Computes candidates and bakes those that are predicted badly, worst first.
-  Status Test(std::vector<Candidate> candidates) {
-    if (candidates.empty() || Full()) return {};
+  /// Bakes candidates that are predicted badly, worst first.
+  void Test(std::vector<Candidate> candidates) {
+    if (candidates.empty() || Full()) return;
     std::vector<uint32_t> nodes;
     for (const Candidate& c : candidates) nodes.push_back(c.node);
-    GLINT_RETURN_IF_ERROR(Compute(nodes));
-    ParallelFor(candidates.size(), input_.threads, 8, [&](size_t i, int) {
-      Candidate& c = candidates[i];
-      c.square_error = probes_.SquareError(c.node, predictions_.Combine(c.parents));
-      c.weighed = c.square_error * Share(c.area);
-    });
+    Look(nodes);
+    for (Candidate& c : candidates)
+      c.weighed = Share(c.area) * kOfUnlike * masks_.SquareError(c.node, predictions_.Combine(c.parents));
     std::stable_sort(candidates.begin(), candidates.end(),
                      [](const Candidate& a, const Candidate& b) { return a.weighed > b.weighed; });
     for (const Candidate& c : candidates) {
       if (c.weighed <= Tolerance2() || Full()) break;
-      if (probes_.Dark(c.node)) continue;
-      predictions_.Bake(c.node, false);
-      error_[c.node] = c.square_error;
+      if (!masks_.Dark(c.node)) predictions_.Bake(c.node, false);
     }
-    return {};
   }
 
   /// Halves edges of faces inside which predictions may fail, round by round.
@@ -169,45 +134,51 @@ class Refinement {
     std::vector<uint32_t> splits, faces(domain_.triangles.size());
     std::iota(faces.begin(), faces.end(), 0);
     for (int round = 1; round <= kMaxSplitRounds && !Full(); ++round) {
-      const std::vector<uint32_t> active = ActiveFaces(faces, round > 1);
+      const std::vector<uint32_t> active = ActiveFaces(faces);
       if (active.empty()) break;
       const size_t before = splits.size();
       splits.insert(splits.end(), active.begin(), active.end());
       GLINT_ASSIGN_OR_RETURN(splits,
                              FacetTree::Balance(domain_.triangles, hierarchy_.welded, std::move(splits)));
       GLINT_RETURN_IF_ERROR(Split(splits));
-      GLINT_RETURN_IF_ERROR(Test(NewMiddles()));
+      Test(NewMiddles());
       faces = UnsplitChildren(splits, before);
     }
     return {};
   }
 
   /// Faces to be split.
-  /// @param by_new  only errors of the last round's nodes count
-  std::vector<uint32_t> ActiveFaces(const std::vector<uint32_t>& faces, bool by_new) {
-    std::vector<uint32_t> active, looked;
-    for (const uint32_t face : faces)
-      if (Area(Corners(face)) > kUnlikeFace * total_area_)
-        for (const uint32_t c : Corners(face)) looked.push_back(c);
+  std::vector<uint32_t> ActiveFaces(const std::vector<uint32_t>& faces) {
+    std::vector<uint32_t> active, large, looked;
+    for (const uint32_t face : faces) {
+      const std::array<uint32_t, 3>& corner = Corners(face);
+      if (!CanBeSplit(corner) || !MayCount(Area(corner))) continue;
+      large.push_back(face);
+      for (const uint32_t c : corner) looked.push_back(Same(c));
+    }
     masks_.Look(looked, input_.threads);
-    for (const uint32_t face : faces)
-      if (MayHide(face, by_new)) active.push_back(face);
+    for (const uint32_t face : large) {
+      const double area = Area(Corners(face));
+      if (area > kLargeFace * total_area_ || Expected(Corners(face)) * Share(area) > Tolerance2())
+        active.push_back(face);
+    }
     return active;
   }
 
-  bool MayHide(uint32_t face, bool by_new) const {
-    const std::array<uint32_t, 3> corner = Corners(face);
-    const double area = Area(corner);
-    double longest = 0, worst = 0;
-    bool unlike = false;
-    for (int i = 0; i < 3; ++i) {
-      const uint32_t a = corner[i], b = corner[(i + 1) % 3];
-      longest = std::max(longest, Distance(a, b));
-      if (!by_new || Same(a) >= first_new_) worst = std::max(worst, error_[Same(a)]);
-      unlike = unlike || (area > kUnlikeFace * total_area_ && masks_.Difference(a, b) > kUnlike);
-    }
-    if (longest < 2 * shortest_) return false;
-    return unlike || area > kLargeFace * total_area_ || worst * Share(area) > Tolerance2();
+  bool CanBeSplit(const std::array<uint32_t, 3>& corner) const {
+    const auto& [a, b, c] = corner;
+    return std::max({Distance(a, b), Distance(b, c), Distance(c, a)}) >= 2 * shortest_;
+  }
+  /// Whether it matters over such an area what is seen.
+  bool MayCount(double area) const { return kOfUnlike * Share(area) > Tolerance2(); }
+
+  /// Square of the error expected in the middle of one of a face's edges: there one of its ends sees what the
+  /// other one does not, and has half of the weight.
+  double Expected(const std::array<uint32_t, 3>& corner) const {
+    double unlike = 0;
+    for (int i = 0; i < 3; ++i)
+      unlike = std::max(unlike, masks_.Difference(Same(corner[i]), Same(corner[(i + 1) % 3])));
+    return kOfUnlike * 0.25 * unlike;
   }
 
   Status Split(const std::vector<uint32_t>& splits) {
@@ -215,9 +186,8 @@ class Refinement {
                            FacetTree::Make(domain_.triangles, hierarchy_.welded, splits));
     domain_.nodes.splits = splits;
     const size_t nodes = domain_.vertex_count() + domain_.nodes.facets.middles().size();
-    first_new_ = static_cast<uint32_t>(error_.size());
+    first_new_ = static_cast<uint32_t>(predictions_.nodes());
     predictions_.Resize(nodes);
-    error_.resize(nodes, 0);
     masks_.Turn();
     return {};
   }
@@ -226,7 +196,7 @@ class Refinement {
   std::vector<Candidate> NewMiddles() {
     constexpr double kAreaOfEdge = 0.43;  ///< half of the two equilateral triangles over it
     std::vector<Candidate> candidates;
-    for (uint32_t node = first_new_; node < error_.size(); ++node) {
+    for (uint32_t node = first_new_; node < predictions_.nodes(); ++node) {
       if (Same(node) != node) continue;
       const auto& ends = domain_.nodes.facets.middles()[node - domain_.vertex_count()].ends;
       const std::vector<Parent> parents = {{Same(ends[0]), 0.5f}, {Same(ends[1]), 0.5f}};
@@ -266,9 +236,7 @@ class Refinement {
   BakeDomain& domain_;
   const VertexHierarchy hierarchy_;
   VisibilityMasks masks_;
-  ProbeRows probes_;
   Predictions predictions_;
-  std::vector<double> error_;  ///< of each node: square of its prediction's, where it is baked for that
   std::vector<uint8_t> used_;  ///< of each vertex: some triangle has it
   double total_area_ = 0, shortest_ = 0;
   uint32_t first_new_ = 0;  ///< node, of the last split's

@@ -1,6 +1,8 @@
 #include "coordinator/spatial/visibility_masks.h"
 
+#include <algorithm>
 #include <cmath>
+#include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
 #include <numeric>
 
@@ -9,7 +11,11 @@
 namespace glint {
 namespace {
 
-constexpr uint8_t kBelow = 0, kOutside = 1, kFirstPiece = 2;
+constexpr uint8_t kBelow = 0, kOutside = 1, kInside = 2, kFirstPiece = 3;
+
+constexpr float kDepthSteps = 8;    ///< to the octave
+constexpr double kLikeDepth = 2.6;  ///< of these: a quarter of the distance
+constexpr double kLikeTurn = 0.7;   ///< cosine
 
 /// Points of a golden spiral over the sphere.
 std::vector<glm::vec3> Spiral(int count) {
@@ -22,7 +28,7 @@ std::vector<glm::vec3> Spiral(int count) {
   return points;
 }
 
-/// Of each triangle a number of its connected piece; pieces share numbers where there are more than 254.
+/// Of each triangle a number of its connected piece; pieces share numbers where there are more than 253.
 std::vector<uint8_t> Pieces(const BakeDomain& domain) {
   std::vector<uint32_t> root(domain.vertex_count());
   std::iota(root.begin(), root.end(), 0);
@@ -68,24 +74,68 @@ VisibilityMasks::Mask VisibilityMasks::Trace(uint32_t node) const {
   Mask mask{};
   Ray ray;
   for (int d = 0; d < kDirections; ++d) {
-    mask[d] = kBelow;
+    mask[d] = {kBelow, 0, {}};
     if (glm::dot(normal, directions_[d]) <= 0.02f) continue;
     ray.origin = origin + 4 * rays_.epsilon() * normal;
     ray.direction = directions_[d];
     const Hit hit = rays_.Intersect(ray);
-    mask[d] = hit.hit() ? piece_[hit.triangle] : kOutside;
+    mask[d] = Seen(hit, ray.direction);
   }
   return mask;
 }
 
+VisibilityMasks::Sight VisibilityMasks::Seen(const Hit& hit, const glm::vec3& direction) const {
+  if (!hit.hit()) return {kOutside, 0, {}};
+  const glm::vec3 normal = domain_.FaceNormal(hit.triangle);
+  const bool back = glm::dot(normal, direction) > 0;
+  if (back && !domain_.triangle_double_sided[hit.triangle]) return {kInside, 0, {}};
+  Sight sight{piece_[hit.triangle], 0, {}};
+  const float depth = kDepthSteps * std::log2(std::max(hit.t / rays_.epsilon(), 1e-6f));
+  sight.depth = static_cast<int8_t>(std::clamp(depth - 128, -127.0f, 127.0f));
+  for (int c = 0; c < 3; ++c) sight.normal[c] = static_cast<int8_t>(std::lround(127 * normal[c]));
+  return sight;
+}
+
 double VisibilityMasks::Difference(uint32_t a, uint32_t b) const {
-  int differ = 0, both = 0;
+  const Parent other{b, 1};
+  return SquareError(a, {&other, 1});
+}
+
+double VisibilityMasks::SquareError(uint32_t node, std::span<const Parent> prediction) const {
+  double sum = 0;
+  int above = 0;
   for (int d = 0; d < kDirections; ++d) {
-    if (masks_[a][d] == kBelow || masks_[b][d] == kBelow) continue;
-    ++both;
-    differ += masks_[a][d] != masks_[b][d];
+    const Sight& seen = masks_[node][d];
+    if (seen.what == kBelow) continue;
+    ++above;
+    double other = 0, same = 0, depth = 0;
+    glm::dvec3 normal(0);
+    for (const Parent& p : prediction) {
+      const Sight& s = masks_[p.node][d];
+      if (s.what == kBelow) continue;
+      if (s.what != seen.what) {
+        other += p.weight;
+        continue;
+      }
+      same += p.weight;
+      depth += p.weight * s.depth;
+      normal += double{p.weight} * glm::dvec3(s.normal[0], s.normal[1], s.normal[2]);
+    }
+    const double all = other + same;
+    if (all <= 0) continue;
+    const glm::dvec3 own(seen.normal[0], seen.normal[1], seen.normal[2]);
+    const bool alike = std::abs(depth - same * seen.depth) <= kLikeDepth * same &&
+                       glm::dot(normal, own) >= kLikeTurn * glm::length(normal) * glm::length(own);
+    const double wrong = (other + (alike ? 0 : kShape * same)) / all;
+    sum += wrong * wrong;
   }
-  return both > 0 ? static_cast<double>(differ) / both : 1;
+  return above > 0 ? sum / above : 0;
+}
+
+bool VisibilityMasks::Dark(uint32_t node) const {
+  const Mask& mask = masks_[node];
+  return std::all_of(mask.begin(), mask.end(),
+                     [](const Sight& s) { return s.what == kBelow || s.what == kInside; });
 }
 
 }  // namespace glint

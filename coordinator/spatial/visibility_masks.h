@@ -8,10 +8,12 @@
 
 #include "common/domain/bake_domain.h"
 #include "common/scene/ray_scene.h"
+#include "coordinator/spatial/vertex_hierarchy.h"
 
 namespace glint {
 
-/// What nodes see in a fixed set of directions, the same for all: the outside, or which part of the scene.
+/// What nodes see in a fixed set of directions, the same for all: the outside, the inside of something, or a
+/// part of the scene, how far away and turned how.
 class VisibilityMasks {
  public:
   static constexpr int kDirections = 96;
@@ -22,12 +24,26 @@ class VisibilityMasks {
   void Turn();
   /// Sees to it that these nodes' masks are known.
   void Look(std::span<const uint32_t> nodes, int threads);
-  /// Part of the directions above both horizons in which two nodes see different things.
+  /// Square of how much two nodes differ in what they see: the mean over the directions above both horizons
+  /// of 1 where it is not the same thing, kShape^2 where that is at another depth or turned away.
   double Difference(uint32_t a, uint32_t b) const;
+  /// The same for what is seen by a node and by those that it is predicted from, whose weights add up to 1.
+  /// Over the directions above the node's horizon; what is seen by some of the others counts by their weight.
+  double SquareError(uint32_t node, std::span<const Parent> prediction) const;
+  /// Nothing reaches the node: all that it sees are insides.
+  bool Dark(uint32_t node) const;
 
  private:
-  using Mask = std::array<uint8_t, kDirections>;
+  /// Weight of what is seen at another depth, or turned away.
+  static constexpr double kShape = 0.25;
+  struct Sight {
+    uint8_t what;
+    int8_t depth;                  ///< logarithm of the distance, 8 to the octave
+    std::array<int8_t, 3> normal;  ///< of the surface, times 127
+  };
+  using Mask = std::array<Sight, kDirections>;
   Mask Trace(uint32_t node) const;
+  Sight Seen(const Hit& hit, const glm::vec3& direction) const;
 
   const BakeDomain& domain_;
   const RayScene& rays_;
