@@ -138,8 +138,7 @@ Result<Layer> BakeLayer(const std::vector<TaskSpec>& tasks, const Layer* previou
         {tasks, previous}, [&](size_t, bool was_there) { progress->TaskDone(was_there, attempt > 0); }));
     progress->Stage("merge " + std::to_string(tasks.front().layer));
     Result<Layer> layer =
-        MergeLayer(store, tasks, domain, grid, options.settings.StoredLobes(tasks.front().layer),
-                   options.table_form, threads);
+        MergeLayer(store, tasks, domain, grid, options.settings, options.table_form, threads);
     if (layer.ok() || layer.status().kind() != ErrorKind::kMismatch || attempt > 0) return layer;
     Log(LogLevel::kWarning, layer.status().message());
   }

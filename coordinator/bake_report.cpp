@@ -46,6 +46,7 @@ Json DescribeSettings(const BakeOptions& options) {
     json["paper_rays"] = s.paper_rays;
   }
   json.update({{"drop", s.drop},
+               {"bits_tolerance", s.bits_tolerance},
                {"seed", s.seed},
                {"fit_max_lobes", s.fit.max_lobes},
                {"fit_tolerance", s.fit.tolerance},

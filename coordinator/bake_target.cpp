@@ -36,7 +36,7 @@ struct AxisModel {
   double seconds, bytes;  ///< factors
 };
 constexpr std::array<AxisModel, kBakeAxes> kModels = {{
-    {ErrorCause::kAngular, 0.5, 2.5, 4.0},
+    {ErrorCause::kAngular, 0.5, 1.6, 2.2},
     {ErrorCause::kRays, 0.7, 2.0, 1.05},
     {ErrorCause::kLobes, 0.7, 1.5, 1.6},
     {ErrorCause::kBits, 0.5, 1.1, 1.3},
@@ -52,6 +52,7 @@ constexpr double kLikeWorth = 0.5;
 constexpr float kFinestDrop = 1.0f / 65536;
 constexpr int kMostRays = 1 << 17;
 constexpr int kCoarsestLevel = 2;
+constexpr float kCoarsestAngularTolerance = 0.2f;
 
 /// One step finer; false: there is none.
 bool Refine(int axis, BakeSettings* s) {
@@ -61,6 +62,7 @@ bool Refine(int axis, BakeSettings* s) {
     case BakeAxis::kDirections:
       if (s->grid_level >= DirectionGrid::kMaxLevel) return false;
       ++s->grid_level;
+      s->angular_tolerance /= 2;
       return true;
     case BakeAxis::kRays:
       if (most_rays >= kMostRays) return false;
@@ -74,6 +76,7 @@ bool Refine(int axis, BakeSettings* s) {
     case BakeAxis::kBits:
       if (s->drop <= kFinestDrop) return false;
       s->drop /= 4;
+      s->bits_tolerance /= 4;
       return true;
   }
   return false;
@@ -427,7 +430,10 @@ class TargetBake {
 BakeSettings CoarsestSettings(const BakeSettings& settings, const BakeTarget& target) {
   const auto is_free = [&](BakeAxis axis) { return !target.fixed[static_cast<size_t>(axis)]; };
   BakeSettings coarsest = settings;
-  if (is_free(BakeAxis::kDirections)) coarsest.grid_level = std::min(settings.grid_level, kCoarsestLevel);
+  if (is_free(BakeAxis::kDirections)) {
+    coarsest.grid_level = std::min(settings.grid_level, kCoarsestLevel);
+    coarsest.angular_tolerance = kCoarsestAngularTolerance;
+  }
   if (is_free(BakeAxis::kRays)) {
     coarsest.rays_per_kappa /= 4;
     coarsest.min_rays = std::max(settings.min_rays / 4, 1);
@@ -435,7 +441,10 @@ BakeSettings CoarsestSettings(const BakeSettings& settings, const BakeTarget& ta
     coarsest.paper_rays = std::max(settings.paper_rays / 4, 1);
   }
   if (is_free(BakeAxis::kLobes)) coarsest.slice_lobes = 1;
-  if (is_free(BakeAxis::kBits)) coarsest.drop = std::max(settings.drop, target.tolerance / 32);
+  if (is_free(BakeAxis::kBits)) {
+    coarsest.drop = std::max(settings.drop, target.tolerance / 32);
+    coarsest.bits_tolerance = std::max(settings.bits_tolerance, target.tolerance / 8);
+  }
   return coarsest;
 }
 

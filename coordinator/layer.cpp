@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "common/archive/entry_light.h"
 #include "common/archive/lobe_codec.h"
 #include "common/archive/nested.h"
 #include "common/base/frame.h"
@@ -13,6 +14,8 @@
 
 namespace glint {
 namespace {
+
+static_assert(kDirectEntryBytes == kIndirectEntryBytes, "tasks write entries of one size");
 
 Result<BlockResult> ReadChunk(ChunkStore& store, const TaskSpec& task, const SlotLayout& layout,
                               uint32_t entry_bytes) {
@@ -52,9 +55,45 @@ Result<std::vector<BlockResult>> ReadChunks(ChunkStore& store, std::span<const T
   return blocks;
 }
 
+/// Square of what rounding an entry to fewer bits does to its light.
+float RoundingError2(const std::byte* entry, bool direct, uint32_t bytes) {
+  std::byte packed[kDirectEntryBytes];
+  direct ? PackDirect(entry, bytes, packed) : PackIndirect(entry, bytes, packed);
+  return direct ? Distance2(LightOf(DecodeDirect(entry)), LightOf(DecodeDirect(packed, bytes)))
+                : Distance2(LightOf(DecodeIndirect(entry)), LightOf(DecodeIndirect(packed, bytes)));
+}
+
+/// The fewest bytes of an entry with which a slot's slices are off by at most the tolerance (rms), relative
+/// to their unoccluded lobes. Every few vertices tell; sums are of integers, the same for any partition.
+uint32_t ChooseEntryBytes(std::span<const TaskSpec> tasks, std::span<const BlockResult> blocks, uint32_t slot,
+                          bool direct, uint32_t vertices, float tolerance) {
+  constexpr uint32_t kVertices = 1024;
+  constexpr double kFixed = 0x1p32, kMost = 16;  // room for 2^28 entries
+  const uint32_t stride = std::max(vertices / kVertices, 1u);
+  for (const uint32_t bytes : kEntryBytes) {
+    if (bytes == kDirectEntryBytes) break;
+    uint64_t sum = 0, entries = 0;
+    for (size_t b = 0; b < blocks.size(); ++b) {
+      const BlockRows& rows = blocks[b].slots[slot];
+      size_t begin = 0;
+      for (uint32_t row = 0; row < rows.counts.size(); begin += rows.counts[row++]) {
+        if ((tasks[b].block.first_vertex + row) % stride != 0) continue;
+        entries += rows.counts[row];
+        for (size_t e = begin; e < begin + rows.counts[row]; ++e) {
+          const float error2 = RoundingError2(rows.entries.data() + e * kDirectEntryBytes, direct, bytes);
+          sum += static_cast<uint64_t>(kFixed * std::min(double{error2}, kMost));
+        }
+      }
+    }
+    const double most = kFixed * double{tolerance} * double{tolerance} * static_cast<double>(entries);
+    if (static_cast<double>(sum) <= most) return bytes;
+  }
+  return kDirectEntryBytes;
+}
+
 /// The direction blocks of one block of vertices: rows side by side.
-void AppendBlocks(std::span<const BlockResult> blocks, uint32_t slot, uint32_t vertices, uint32_t entry_bytes,
-                  SliceTableBuilder* builder) {
+void AppendBlocks(std::span<const BlockResult> blocks, uint32_t slot, uint32_t vertices,
+                  const EntryPacking& pack, SliceTableBuilder* builder) {
   std::vector<uint16_t> columns;
   std::vector<std::byte> entries;
   std::vector<size_t> next(blocks.size(), 0);
@@ -66,8 +105,7 @@ void AppendBlocks(std::span<const BlockResult> blocks, uint32_t slot, uint32_t v
       if (rows.counts.empty()) continue;
       const size_t begin = next[b], end = begin + rows.counts[row];
       columns.insert(columns.end(), rows.columns.begin() + begin, rows.columns.begin() + end);
-      entries.insert(entries.end(), rows.entries.begin() + begin * entry_bytes,
-                     rows.entries.begin() + end * entry_bytes);
+      for (size_t e = begin; e < end; ++e) pack.Append(rows.entries.data() + e * kDirectEntryBytes, &entries);
       next[b] = end;
     }
     builder->AppendRow(columns, entries);
@@ -76,9 +114,10 @@ void AppendBlocks(std::span<const BlockResult> blocks, uint32_t slot, uint32_t v
 
 /// One slot's table of all blocks, which are emptied on the way: a layer is not held twice.
 std::vector<std::byte> BuildTable(std::span<const TaskSpec> tasks, std::span<BlockResult> blocks,
-                                  uint32_t slot, uint32_t columns, uint32_t rows, uint32_t entry_bytes,
-                                  TableForm form) {
-  SliceTableBuilder builder(rows, columns, entry_bytes);
+                                  uint32_t slot, uint32_t columns, uint32_t rows, bool direct,
+                                  float bits_tolerance, TableForm form) {
+  const EntryPacking pack{direct, ChooseEntryBytes(tasks, blocks, slot, direct, rows, bits_tolerance)};
+  SliceTableBuilder builder(rows, columns, pack.bytes);
   size_t entries = 0;
   for (const BlockResult& block : blocks) entries += block.slots[slot].columns.size();
   builder.Reserve(entries);
@@ -86,7 +125,7 @@ std::vector<std::byte> BuildTable(std::span<const TaskSpec> tasks, std::span<Blo
     const GatherBlock& block = tasks[first].block;
     while (last < tasks.size() && tasks[last].block.first_vertex == block.first_vertex) ++last;
     const std::span<BlockResult> joined = blocks.subspan(first, last - first);
-    AppendBlocks(joined, slot, block.vertices, entry_bytes, &builder);
+    AppendBlocks(joined, slot, block.vertices, pack, &builder);
     for (BlockResult& done : joined) done.slots[slot] = {};
   }
   return builder.Finish(form);
@@ -101,12 +140,14 @@ struct VertexEnergy {
 /// @param layer_index  0: a missing entry is the whole BRDF; else nothing
 std::vector<float> SliceParts(const LayerViews& views, uint32_t slot, int layer_index, uint32_t v) {
   std::vector<float> parts(views.table(0, slot).columns(), layer_index == 0 ? 1.0f : 0.0f);
-  for (uint32_t lobe = 0; lobe < views.lobes(); ++lobe)
-    views.table(lobe, slot).Row(v).ForEach([&](uint32_t column, const std::byte* entry) {
+  for (uint32_t lobe = 0; lobe < views.lobes(); ++lobe) {
+    const SliceTableView& table = views.table(lobe, slot);
+    table.Row(v).ForEach([&](uint32_t column, const std::byte* entry) {
       if (lobe == 0) parts[column] = 0;
-      parts[column] +=
-          layer_index == 0 ? DecodeDirect(entry).fraction : Luminance(DecodeIndirect(entry).alpha);
+      parts[column] += layer_index == 0 ? DecodeDirect(entry, table.entry_bytes()).fraction
+                                        : Luminance(DecodeIndirect(entry, table.entry_bytes()).alpha);
     });
+  }
   return parts;
 }
 
@@ -185,13 +226,13 @@ void HashRows(const SliceTableView& table, Hasher* hasher) {
 }  // namespace
 
 Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, const BakeDomain& domain,
-                         const DirectionGrid& grid, uint32_t slice_lobes, TableForm form, int threads) {
-  const SlotLayout layout{static_cast<uint32_t>(domain.max_lobes()), slice_lobes};
-  const uint32_t slots = layout.count();
+                         const DirectionGrid& grid, const BakeSettings& settings, TableForm form,
+                         int threads) {
   const int layer_index = tasks.front().layer;
-  const uint32_t entry_bytes = layer_index == 0 ? kDirectEntryBytes : kIndirectEntryBytes;
+  const SlotLayout layout{static_cast<uint32_t>(domain.max_lobes()), settings.StoredLobes(layer_index)};
+  const uint32_t slots = layout.count();
   GLINT_ASSIGN_OR_RETURN(std::vector<BlockResult> blocks,
-                         ReadChunks(store, tasks, layout, entry_bytes, threads));
+                         ReadChunks(store, tasks, layout, kDirectEntryBytes, threads));
   Layer layer;
   layer.views.nested = grid.nested();
   for (const BlockResult& block : blocks) layer.counters += block.counters;
@@ -200,8 +241,9 @@ Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, con
   ParallelFor(slots, threads, 1, [&](size_t i, int) {
     const auto slot = static_cast<uint32_t>(i);
     const bool specular = !layout.is_diffuse(slot);
-    layer.slots[slot] = BuildTable(tasks, blocks, slot, specular ? grid.size() : 2, domain.row_count(),
-                                   entry_bytes, grid.nested() && specular ? nested : form);
+    layer.slots[slot] =
+        BuildTable(tasks, blocks, slot, specular ? grid.size() : 2, domain.row_count(), layer_index == 0,
+                   settings.bits_tolerance, grid.nested() && specular ? nested : form);
   });
   Hasher hasher;
   for (uint32_t slot = 0; slot < slots; ++slot) {

@@ -29,11 +29,12 @@ struct Layer {
 };
 
 /// Joins the chunks of a round in the order of vertices and columns; the same whatever the partition was.
-/// `slice_lobes` is the settings' StoredLobes of the layer.
+/// Entries get the fewest bytes that the settings' bits_tolerance allows, table by table.
 /// Of a nested grid, compact tables are segmented. `tasks` are ordered by first vertex, then first column.
 /// Chunks that are damaged are discarded from the store, all of them, and reported as kMismatch: the round
 /// has to be run again. kIo: a chunk cannot be read.
 Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, const BakeDomain& domain,
-                         const DirectionGrid& grid, uint32_t slice_lobes, TableForm form, int threads);
+                         const DirectionGrid& grid, const BakeSettings& settings, TableForm form,
+                         int threads);
 
 }  // namespace glint

@@ -9,15 +9,16 @@ namespace {
 
 constexpr uint32_t kSides = 2;  ///< columns of a diffuse table
 
-}  // namespace
-
-std::vector<std::byte> MakeTable(const BlockRows& rows, uint32_t columns, uint32_t entry_bytes,
+std::vector<std::byte> MakeTable(const BlockRows& rows, uint32_t columns, const EntryPacking& pack,
                                  TableForm form) {
-  SliceTableBuilder builder(static_cast<uint32_t>(rows.counts.size()), columns, entry_bytes);
+  SliceTableBuilder builder(static_cast<uint32_t>(rows.counts.size()), columns, pack.bytes);
+  std::vector<std::byte> entries;
   size_t entry = 0;
   for (const uint16_t count : rows.counts) {
-    builder.AppendRow(std::span(rows.columns).subspan(entry, count),
-                      std::span(rows.entries).subspan(entry * entry_bytes, count * entry_bytes));
+    entries.clear();
+    for (size_t e = entry; e < entry + count; ++e)
+      pack.Append(rows.entries.data() + e * kDirectEntryBytes, &entries);
+    builder.AppendRow(std::span(rows.columns).subspan(entry, count), entries);
     entry += count;
   }
   return builder.Finish(form);
@@ -77,13 +78,15 @@ void ProbeTables::Add(int slot, uint16_t column, const PathFan& fan, std::span<F
   }
 }
 
-ProbeTables::LayerTables ProbeTables::Finish(int layer) const {
+ProbeTables::LayerTables ProbeTables::Finish(int layer, const LayerViews& like) const {
   LayerTables tables;
   const std::vector<BlockRows>& slots = blocks_[layer].slots;
-  const uint32_t entry_bytes = layer == 0 ? kDirectEntryBytes : kIndirectEntryBytes;
   for (uint32_t slot = 0; slot < slots.size(); ++slot) {
     const bool diffuse = indirect_layout_.is_diffuse(slot);
-    tables.bytes.push_back(MakeTable(slots[slot], diffuse ? kSides : columns_, entry_bytes,
+    const uint32_t lobe = std::min(slot / indirect_layout_.stride(), like.lobes() - 1);
+    const SliceTableView& table = like.table(lobe, slot % indirect_layout_.stride());
+    tables.bytes.push_back(MakeTable(slots[slot], diffuse ? kSides : columns_,
+                                     {layer == 0, table.entry_bytes()},
                                      nested_ && !diffuse ? TableForm::kSegmented : kDefaultTableForm));
   }
   tables.views.nested = nested_;

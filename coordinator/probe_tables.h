@@ -41,7 +41,8 @@ class ProbeTables {
     std::vector<std::vector<std::byte>> bytes;
     LayerViews views;
   };
-  LayerTables Finish(int layer) const;
+  /// @param like  whose entries have as many bytes
+  LayerTables Finish(int layer, const LayerViews& like) const;
 
  private:
   uint32_t columns_;

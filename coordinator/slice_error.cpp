@@ -395,7 +395,7 @@ void SliceTester::Read(const ProbeTables& tables, const TransferPoint& point, co
                        std::vector<SkyLight>* light) const {
   LayerLobes lobes;
   for (int layer = 0; layer < layers(); ++layer) {
-    const ProbeTables::LayerTables finished = tables.Finish(layer);
+    const ProbeTables::LayerTables finished = tables.Finish(layer, layers_[layer]);
     reader_.Read(point, finished.views, layer, &lobes);
     for (int i = 0; i < lobes.count; ++i)
       AddReflected(lobes.lobe[i], slice.point.normal, slice.skies, &(*light)[layer]);

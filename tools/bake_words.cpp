@@ -51,6 +51,7 @@ void AddAccuracyWords(CLI::App& app, BakeOptions& options) {
       "shared: leave out directions whose slices interpolation gives within this error, relative to the "
       "unoccluded ones; 0: none")
       ->check(NumberRange(0, 1e3))
+      ->each(fixes(BakeAxis::kDirections))
       ->type_name("X");
   app.add_option_function<uint32_t>(
          "--base-directions",
@@ -105,6 +106,11 @@ void AddAccuracyWords(CLI::App& app, BakeOptions& options) {
       ->check(NumberRange(0, 1))
       ->type_name("X");
   add("--drop", settings.drop, "Leave out slices that change the light by less than this")
+      ->check(NumberRange(0, 1))
+      ->each(fixes(BakeAxis::kBits))
+      ->type_name("X");
+  add("--bits-tolerance", settings.bits_tolerance,
+      "Store lobes with the fewest bits that change slices by less than this (rms); 0: 12 bytes each")
       ->check(NumberRange(0, 1))
       ->each(fixes(BakeAxis::kBits))
       ->type_name("X");

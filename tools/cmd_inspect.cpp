@@ -42,6 +42,7 @@ Json DescribeTable(const SliceTableView& table, const std::string& name) {
           {"form", kForms[static_cast<size_t>(table.form())]},
           {"rows", table.rows()},
           {"columns", table.columns()},
+          {"entry_bytes", table.entry_bytes()},
           {"stored", table.entries()},
           {"density", table.density()},
           {"fill", table.fill()},

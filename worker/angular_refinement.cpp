@@ -9,13 +9,10 @@
 
 #include "common/archive/lobe_codec.h"
 #include "common/archive/nested.h"
-#include "common/base/frame.h"
-#include "common/lobes/vmf.h"
 
 namespace glint {
 namespace {
 
-constexpr float kLightKappa = 64;   ///< lights are taken to be this sharp
 constexpr int kToleranceLevel = 3;  ///< that the tolerance is of
 
 }  // namespace
@@ -91,26 +88,22 @@ void AngularRefinement::Compute(const RefinedSide& side, uint32_t direction) {
   }
 }
 
-AngularRefinement::Sums AngularRefinement::Measure(uint32_t direction, uint32_t slot) const {
+EntryLight AngularRefinement::Measure(uint32_t direction, uint32_t slot) const {
   const std::byte* bytes = Entry(direction, slot);
   if (direct_) {
-    const DirectLobe lobe = bytes ? DecodeDirect(bytes) : DirectLobe{};
-    return {lobe.fraction * glm::vec3(1, 1, 0.5f * lobe.kappa_ratio), lobe.fraction * lobe.shift};
+    return LightOf(bytes ? DecodeDirect(bytes) : DirectLobe{});
   }
-  Sums sums;
+  EntryLight sums;
   for (; bytes; bytes = slot < layout_.count() ? Entry(direction, slot) : nullptr) {
-    const IndirectLobe lobe = DecodeIndirect(bytes);
-    sums.alpha += lobe.alpha;
-    sums.moment += Luminance(lobe.alpha) * MeanCosineFromKappa(lobe.kappa) * lobe.mu;
+    sums.Add(LightOf(DecodeIndirect(bytes)));
     slot += layout_.stride();
   }
   return sums;
 }
 
 /// What is read at a direction, computed or not.
-const AngularRefinement::Sums& AngularRefinement::Value(const RefinedSide& side, uint32_t direction,
-                                                        uint32_t slot) {
-  Sums& value = value_[at(direction, slot)];
+const EntryLight& AngularRefinement::Value(const RefinedSide& side, uint32_t direction, uint32_t slot) {
+  EntryLight& value = value_[at(direction, slot)];
   if (state_[at(direction, slot)] != kUnknown) return value;
   known_.push_back(direction);
   state_[at(direction, slot)] = kPredicted;
@@ -118,16 +111,13 @@ const AngularRefinement::Sums& AngularRefinement::Value(const RefinedSide& side,
   return value = base ? Measure(direction, slot) : Predict(side, direction, slot);
 }
 
-AngularRefinement::Sums AngularRefinement::Predict(const RefinedSide& side, uint32_t direction,
-                                                   uint32_t slot) {
+EntryLight AngularRefinement::Predict(const RefinedSide& side, uint32_t direction, uint32_t slot) {
   const std::array<uint32_t, 2>& ends = grid_.midpoint(direction).ends;
   const auto share = ShareOfEnds(ends, [&](uint32_t d) { return Above(side, d); });
-  Sums sums;
+  EntryLight sums;
   for (int e = 0; e < 2; ++e) {
     if (share[e] <= 0) continue;
-    const Sums& end = Value(side, ends[e], slot);
-    sums.alpha += share[e] * end.alpha;
-    sums.moment += share[e] * end.moment;
+    sums.Add(Value(side, ends[e], slot), share[e]);
   }
   return sums;
 }
@@ -135,13 +125,12 @@ AngularRefinement::Sums AngularRefinement::Predict(const RefinedSide& side, uint
 /// Whether some slot's slice is not as predicted. Those that are give way to their predictions.
 bool AngularRefinement::Misses(const RefinedSide& side, uint32_t direction, int level) {
   const float tolerance2 = std::ldexp(tolerance2_, 2 * (level - kToleranceLevel));
-  const float seen = side.kappa * kLightKappa / (side.kappa + kLightKappa);
+  const float seen = side.kappa * kJudgedLightKappa / (side.kappa + kJudgedLightKappa);
   bool misses = false;
   for (uint32_t slot = 0; slot < static_cast<uint32_t>(side.lobes); ++slot) {
-    Sums& value = value_[at(direction, slot)];
-    const Sums predicted = Predict(side, direction, slot);
-    const glm::vec3 alpha = predicted.alpha - value.alpha, moment = predicted.moment - value.moment;
-    if (glm::dot(alpha, alpha) / 3 + 0.5f * seen * glm::dot(moment, moment) > tolerance2) {
+    EntryLight& value = value_[at(direction, slot)];
+    const EntryLight predicted = Predict(side, direction, slot);
+    if (Distance2(predicted, value, seen) > tolerance2) {
       misses = true;
     } else {
       state_[at(direction, slot)] = kPredicted;

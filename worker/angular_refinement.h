@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/archive/chunk.h"
+#include "common/archive/entry_light.h"
 #include "common/domain/direction_grid.h"
 
 namespace glint {
@@ -29,15 +30,8 @@ struct RefinedSide {
 /// tolerance, which doubles with every level (at that of 642 directions it is as given): what a finer
 /// direction corrects is a quarter of the area, so that of as many slices those are stored that take most out
 /// of the mean square of the error.
-///
-///   d^2 = (alpha - alpha')^2 + kappa_s / 2 |m - m'|^2
-///
-/// with its light alpha (mean square of the colours) and first moment m, both as parts of the unoccluded
-/// lobe's, and kappa_s that lobe's kappa as seen under a light of kappa 64. The first term is the error under
-/// a sky that is everywhere the same, the second that under such a light: for small shifts it is the L2
-/// distance of the lobes, relative to the unoccluded one's norm. Both sums are linear in the slices, so that
-/// half of those of the two ends is what a reader that keeps lobes apart comes to as well. Slots are judged
-/// apart, and computed together.
+/// d is Distance2's; light and moment are linear in the slices, so that half of those of the two ends is what
+/// a reader that keeps lobes apart comes to as well. Slots are judged apart, and computed together.
 class AngularRefinement {
  public:
   AngularRefinement(const DirectionGrid& grid, const SlotLayout& layout, bool direct, float tolerance);
@@ -50,20 +44,15 @@ class AngularRefinement {
   uint64_t Store(const GatherBlock& block, BlockResult* out);
 
  private:
-  /// Sums that are linear in a slice's lobes. Direct: alpha is the unblocked part of the lobe, twice, and
-  /// that times half the ratio of kappa; moment that part times the shift.
-  struct Sums {
-    glm::vec3 alpha{0}, moment{0};
-  };
   enum State : uint8_t { kUnknown, kPredicted, kStored };
   static constexpr int32_t kNoEntry = -1;
 
   bool Above(const RefinedSide& side, uint32_t direction) const;
   void Compute(const RefinedSide& side, uint32_t direction);
   bool Misses(const RefinedSide& side, uint32_t direction, int level);
-  Sums Measure(uint32_t direction, uint32_t slot) const;
-  const Sums& Value(const RefinedSide& side, uint32_t direction, uint32_t slot);
-  Sums Predict(const RefinedSide& side, uint32_t direction, uint32_t slot);
+  EntryLight Measure(uint32_t direction, uint32_t slot) const;
+  const EntryLight& Value(const RefinedSide& side, uint32_t direction, uint32_t slot);
+  EntryLight Predict(const RefinedSide& side, uint32_t direction, uint32_t slot);
   void Activate(uint32_t direction, int level);
   const std::byte* Entry(uint32_t direction, uint32_t slot) const;
   void StoreSlice(uint32_t direction, uint32_t slot, BlockResult* out) const;
@@ -78,7 +67,7 @@ class AngularRefinement {
   BlockResult computed_;
   std::vector<int32_t> entry_;           ///< at(direction, slot): where it is in computed_
   std::vector<State> state_;             ///< the same, of specular slots
-  std::vector<Sums> value_;              ///< the same: of what is read there; valid unless kUnknown
+  std::vector<EntryLight> value_;        ///< the same: of what is read there; valid unless kUnknown
   std::vector<uint32_t> directions_;     ///< computed
   std::vector<uint32_t> known_;          ///< whose state is known
   std::vector<uint32_t> active_, next_;  ///< of a level, and of the one after it

@@ -140,7 +140,7 @@ LayerLight::Entry LayerLight::Pack(const LayerViews& views, uint32_t slot, uint3
   const std::byte* stored = views.table(0, slot).Find(v, column);
   if (!stored) return absent_[0];
   if (layer_ == 0) {
-    const DirectLobe lobe = DecodeDirect(stored);
+    const DirectLobe lobe = DecodeDirect(stored, views.table(0, slot).entry_bytes());
     return {{EncodeHalf(lobe.fraction), EncodeHalf(lobe.fraction * lobe.kappa_ratio), 0, 0},
             {EncodeSnorm(0.5f * lobe.shift.x), EncodeSnorm(0.5f * lobe.shift.y),
              EncodeSnorm(0.5f * lobe.shift.z)},
@@ -149,7 +149,8 @@ LayerLight::Entry LayerLight::Pack(const LayerViews& views, uint32_t slot, uint3
   std::array<IndirectLobe, kMaxSliceLobes> lobes;
   uint32_t count = 0;
   while (stored) {
-    lobes[count++] = DecodeIndirect(stored);
+    lobes[count] = DecodeIndirect(stored, views.table(count, slot).entry_bytes());
+    ++count;
     stored = count < views.lobes() ? views.table(count, slot).Find(v, column) : nullptr;
   }
   const IndirectLobe lobe = count == 1 ? lobes[0] : MergeLobes({lobes.data(), count});

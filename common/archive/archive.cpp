@@ -26,14 +26,13 @@ uint32_t LargestLobeCount(const std::vector<BrdfShape>& shapes) {
 
 std::span<const std::byte> AsBytes(const std::string& text) { return std::as_bytes(std::span(text)); }
 
-/// Whether a table belongs where the archive has it: one row a bake vertex, one column a direction (or side),
-/// the layer's kind of entry.
-Status CheckTable(const SliceTableView& table, const Header& header, uint32_t layer, bool diffuse) {
+/// Whether a table belongs where the archive has it: one row a bake vertex, one column a direction (or side).
+Status CheckTable(const SliceTableView& table, const Header& header, bool diffuse) {
   if (table.rows() != header.rows) return BadInput("its rows are not the bake vertices");
   if (table.columns() != (diffuse ? 2 : DirectionGrid::SizeOf(static_cast<int>(header.grid_level)))) {
     return BadInput("its columns are not the directions");
   }
-  if (table.entry_bytes() != (layer == 0 ? kDirectEntryBytes : kIndirectEntryBytes)) {
+  if (std::find(kEntryBytes.begin(), kEntryBytes.end(), table.entry_bytes()) == kEntryBytes.end()) {
     return BadInput("its entries have a wrong size");
   }
   return {};
@@ -127,8 +126,7 @@ Status WriteTables(const ArchiveContent& content, const Header& header, SectionW
     for (uint32_t slot = 0; slot < header.tables(layer); ++slot) {
       const std::span<const std::byte> bytes = content.layer_bytes[layer][slot];
       const auto table = SliceTableView::Parse(bytes);
-      const Status status =
-          table.ok() ? CheckTable(*table, header, layer, header.is_diffuse(slot)) : table.status();
+      const Status status = table.ok() ? CheckTable(*table, header, header.is_diffuse(slot)) : table.status();
       if (!status.ok()) {
         return InternalError("archive: table " + std::to_string(layer) + "/" + std::to_string(slot) + ": " +
                              status.message());
@@ -289,7 +287,7 @@ Status Archive::Impl::ReadTable(const Section& section) {
   if (section.raw_bytes != section.stored_bytes) return BadInput("wrong raw size");
   GLINT_ASSIGN_OR_RETURN(const SliceTableView table, SliceTableView::Parse(Stored(section)));
   const bool diffuse = header.is_diffuse(section.slot);
-  GLINT_RETURN_IF_ERROR(CheckTable(table, header, section.layer, diffuse));
+  GLINT_RETURN_IF_ERROR(CheckTable(table, header, diffuse));
   layers[section.layer].Add(section.slot / (header.slots + 1), diffuse, table);
   return {};
 }

@@ -76,10 +76,11 @@ struct Octahedral {
 };
 
 /// The border of the map is folded onto itself; of codes for one direction this picks one.
-Octahedral Canonical(Octahedral code) {
-  if (std::abs(code.u) == kSnormMax) code.v = std::abs(code.v);
-  if (std::abs(code.v) == kSnormMax) code.u = std::abs(code.u);
-  if (std::abs(code.u) == kSnormMax) code.v = std::abs(code.v);
+/// @param border  largest code
+Octahedral Canonical(Octahedral code, int border = kSnormMax) {
+  if (std::abs(code.u) == border) code.v = std::abs(code.v);
+  if (std::abs(code.v) == border) code.u = std::abs(code.u);
+  if (std::abs(code.u) == border) code.v = std::abs(code.v);
   return code;
 }
 
@@ -142,14 +143,103 @@ void EncodeIndirect(const IndirectLobe& lobe, std::byte* out) {
   std::memcpy(out, code, sizeof code);
 }
 
-bool IsCanonicalDirect(const std::byte* in) {
+namespace {
+
+/// Puts fields into a packed entry, the lowest first.
+class BitWriter {
+ public:
+  void Put(int value, int width) {
+    bits_ |= (static_cast<uint64_t>(value) & ((uint64_t{1} << width) - 1)) << at_;
+    at_ += width;
+  }
+  void Write(std::byte* out) const { std::memcpy(out, &bits_, static_cast<size_t>(at_ / 8)); }
+
+ private:
+  uint64_t bits_ = 0;
+  int at_ = 0;
+};
+
+void PackDirect(const std::byte* in, const DirectBits& width, std::byte* out) {
+  uint16_t code[6];
+  std::memcpy(code, in, sizeof code);
+  BitWriter bits;
+  bits.Put(Rescale(code[0], 65535, (1 << width.fraction) - 1), width.fraction);
+  const int most = LargestSigned(width.ratio);
+  bits.Put(most + 1 + RescaleSigned(std::max<int>(code[1], 1) - kRatioOne, kRatioOne - 1, most), width.ratio);
+  for (int i = 2; i < 5; ++i)
+    bits.Put(RescaleSigned(std::max<int>(static_cast<int16_t>(code[i]), -kSnormMax), kSnormMax,
+                           LargestSigned(width.shift)),
+             width.shift);
+  bits.Write(out);
+}
+
+/// Mantissas of one exponent, such that the largest uses all its bits.
+void PutAlpha(const glm::vec3& alpha, int width, BitWriter* bits) {
+  const float largest = std::max({alpha.x, alpha.y, alpha.z});
+  const int most = (1 << width) - 1, highest = (1 << kExponentBits) - 1 - kExponentBias;
+  int exponent = largest > 0 ? std::max(std::ilogb(largest) + 1, -kExponentBias) : -kExponentBias;
+  const auto mantissa = [&](float x) {
+    return static_cast<int>(std::lround(std::ldexp(x, width - exponent)));
+  };
+  if (mantissa(largest) > most && exponent < highest) ++exponent;
+  for (int i = 0; i < 3; ++i) bits->Put(std::min(mantissa(alpha[i]), most), width);
+  bits->Put(exponent + kExponentBias, kExponentBits);
+}
+
+void PackIndirect(const std::byte* in, const IndirectBits& width, std::byte* out) {
+  uint16_t code[6];
+  std::memcpy(code, in, sizeof code);
+  BitWriter bits;
+  PutAlpha({DecodeHalf(code[0]), DecodeHalf(code[1]), DecodeHalf(code[2])}, width.alpha, &bits);
+  const int border = LargestSigned(width.mu);
+  const auto narrow = [&](uint16_t c) {
+    return RescaleSigned(std::max<int>(static_cast<int16_t>(c), -kSnormMax), kSnormMax, border);
+  };
+  const Octahedral mu = Canonical({narrow(code[3]), narrow(code[4])}, border);
+  bits.Put(mu.u, width.mu);
+  bits.Put(mu.v, width.mu);
+  bits.Put(code[5] == 0 ? 0 : 1 + Rescale(code[5] - 1, kKappaCodes, (1 << width.kappa) - 2), width.kappa);
+  bits.Write(out);
+}
+
+}  // namespace
+
+void PackDirect(const std::byte* in, uint32_t bytes, std::byte* out) {
+  if (bytes == kDirectEntryBytes) {
+    std::memcpy(out, in, bytes);
+  } else {
+    PackDirect(in, bytes == 8 ? kDirect8 : kDirect6, out);
+  }
+}
+
+void PackIndirect(const std::byte* in, uint32_t bytes, std::byte* out) {
+  if (bytes == kIndirectEntryBytes) {
+    std::memcpy(out, in, bytes);
+  } else {
+    PackIndirect(in, bytes == 8 ? kIndirect8 : kIndirect6, out);
+  }
+}
+
+bool IsCanonicalDirect(const std::byte* in, uint32_t bytes) {
+  if (bytes != kDirectEntryBytes) {
+    std::byte whole[kDirectEntryBytes], again[kDirectEntryBytes];
+    EncodeDirect(DecodeDirect(in, bytes), whole);
+    PackDirect(whole, bytes, again);
+    return std::memcmp(in, again, bytes) == 0;
+  }
   uint16_t code[6];
   std::memcpy(code, in, sizeof code);
   return code[1] != 0 && code[2] != kReservedSnorm && code[3] != kReservedSnorm &&
          code[4] != kReservedSnorm && code[5] == 0;
 }
 
-bool IsCanonicalIndirect(const std::byte* in) {
+bool IsCanonicalIndirect(const std::byte* in, uint32_t bytes) {
+  if (bytes != kIndirectEntryBytes) {
+    std::byte whole[kIndirectEntryBytes], again[kIndirectEntryBytes];
+    EncodeIndirect(DecodeIndirect(in, bytes), whole);
+    PackIndirect(whole, bytes, again);
+    return std::memcmp(in, again, bytes) == 0;
+  }
   uint16_t code[6];
   std::memcpy(code, in, sizeof code);
   if (code[0] > kMaxHalf || code[1] > kMaxHalf || code[2] > kMaxHalf) return false;

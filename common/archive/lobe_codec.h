@@ -1,12 +1,14 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <glm/vec3.hpp>
+#include <vector>
 
 #include "common/base/half.h"
 #include "common/base/status.h"
@@ -39,14 +41,40 @@ inline constexpr uint32_t kIndirectEntryBytes =
 /// rad; kappa 1.6e-4 relative above 1e-3 (below it reads as 0). Values outside their ranges are clamped; what
 /// is not a number becomes 0 (mu: +Z; ratio: 1). Encoding what was decoded gives the same bytes. Any bytes
 /// decode to finite values within the ranges.
+/// These entries have 12 bytes.
 void EncodeDirect(const DirectLobe& lobe, std::byte* out);
 DirectLobe DecodeDirect(const std::byte* in);
 void EncodeIndirect(const IndirectLobe& lobe, std::byte* out);
 IndirectLobe DecodeIndirect(const std::byte* in);
 
+/// Bytes of an entry in tables: the 12 that tasks write, or fewer bits of the same codes
+/// (docs/archive-format.md has them and their bounds), ascending.
+inline constexpr std::array<uint32_t, 3> kEntryBytes = {6, 8, 12};
+
+/// Rounds an entry of 12 bytes to `bytes`, one of kEntryBytes.
+void PackDirect(const std::byte* in, uint32_t bytes, std::byte* out);
+void PackIndirect(const std::byte* in, uint32_t bytes, std::byte* out);
+/// How a table's entries are written.
+struct EntryPacking {
+  bool direct;
+  uint32_t bytes;  ///< one of kEntryBytes
+
+  /// Appends an entry that a task wrote.
+  void Append(const std::byte* entry, std::vector<std::byte>* out) const {
+    out->resize(out->size() + bytes);
+    std::byte* at = out->data() + out->size() - bytes;
+    direct ? PackDirect(entry, bytes, at) : PackIndirect(entry, bytes, at);
+  }
+};
+
+/// Decodes an entry of `bytes`, one of kEntryBytes.
+DirectLobe DecodeDirect(const std::byte* in, uint32_t bytes);
+IndirectLobe DecodeIndirect(const std::byte* in, uint32_t bytes);
+
 /// Whether the bytes are what the encoder writes: reserved values of the codes are not used.
-bool IsCanonicalDirect(const std::byte* in);
-bool IsCanonicalIndirect(const std::byte* in);
+/// @param bytes  one of kEntryBytes
+bool IsCanonicalDirect(const std::byte* in, uint32_t bytes = kDirectEntryBytes);
+bool IsCanonicalIndirect(const std::byte* in, uint32_t bytes = kIndirectEntryBytes);
 
 // Decoding is inline: the bake and the renderer do it dozens of times for each hit and pixel.
 
@@ -76,7 +104,98 @@ inline glm::vec3 OctahedralDirection(float u, float v) {
   return {x * scale, y * scale, z * scale};
 }
 
+/// Widths of the fields of a packed entry, from the lowest bit on; shift and mu have several of the same.
+struct DirectBits {
+  int fraction, ratio, shift;
+};
+struct IndirectBits {
+  int alpha, mu, kappa;  ///< alpha's three mantissas are followed by their exponent
+};
+inline constexpr int kExponentBits = 5, kExponentBias = 15;
+inline constexpr DirectBits kDirect8{12, 13, 13}, kDirect6{9, 9, 10};
+inline constexpr IndirectBits kIndirect8{9, 10, 12}, kIndirect6{6, 8, 9};
+static_assert(kDirect8.fraction + kDirect8.ratio + 3 * kDirect8.shift == 64);
+static_assert(kDirect6.fraction + kDirect6.ratio + 3 * kDirect6.shift == 48);
+static_assert(3 * kIndirect8.alpha + kExponentBits + 2 * kIndirect8.mu + kIndirect8.kappa == 64);
+static_assert(3 * kIndirect6.alpha + kExponentBits + 2 * kIndirect6.mu + kIndirect6.kappa == 48);
+
+/// Takes fields out of a packed entry, the lowest first.
+class BitReader {
+ public:
+  BitReader(const std::byte* in, uint32_t bytes) { std::memcpy(&bits_, in, bytes); }
+  int Take(int width) {
+    const auto value = static_cast<int>(bits_ & ((uint64_t{1} << width) - 1));
+    bits_ >>= width;
+    return value;
+  }
+  /// Two's complement.
+  int TakeSigned(int width) {
+    const int half = 1 << (width - 1);
+    return (Take(width) ^ half) - half;
+  }
+
+ private:
+  uint64_t bits_ = 0;
+};
+
+/// x * to / from for 0 <= x <= from, rounded: other codes for the same range.
+constexpr int Rescale(int x, int from, int to) {
+  return static_cast<int>((int64_t{x} * to + from / 2) / from);
+}
+constexpr int RescaleSigned(int x, int from, int to) {
+  return x < 0 ? -Rescale(-x, from, to) : Rescale(x, from, to);
+}
+constexpr int LargestSigned(int width) { return (1 << (width - 1)) - 1; }
+
+inline constexpr int kRatioOne = 32768;        ///< code of 1
+inline constexpr int kKappaCodes = 65535 - 1;  ///< above code 1
+
+inline DirectLobe UnpackDirect(BitReader bits, const DirectBits& width) {
+  const int most = LargestSigned(width.ratio), largest = LargestSigned(width.shift);
+  DirectLobe lobe;
+  lobe.fraction =
+      static_cast<float>(bits.Take(width.fraction)) / static_cast<float>((1 << width.fraction) - 1);
+  const int ratio = std::max(bits.Take(width.ratio) - (most + 1), -most);
+  const int code = kRatioOne + RescaleSigned(ratio, most, kRatioOne - 1);
+  lobe.kappa_ratio = std::clamp(kRatioTable[static_cast<uint16_t>(code)], 1 / kMaxRatio, kMaxRatio);
+  for (int i = 0; i < 3; ++i)
+    lobe.shift[i] = 2.0f * static_cast<float>(std::max(bits.TakeSigned(width.shift), -largest)) /
+                    static_cast<float>(largest);
+  return lobe;
+}
+
+inline IndirectLobe UnpackIndirect(BitReader bits, const IndirectBits& width) {
+  int mantissa[3];
+  for (int& m : mantissa) m = bits.Take(width.alpha);
+  const int exponent = bits.Take(kExponentBits) - kExponentBias - width.alpha;
+  // 2^exponent, whose bits are those of a normal float for all codes.
+  const float scale = std::bit_cast<float>(static_cast<uint32_t>(exponent + 127) << 23);
+  IndirectLobe lobe;
+  for (int i = 0; i < 3; ++i) lobe.alpha[i] = static_cast<float>(mantissa[i]) * scale;
+  const int largest = LargestSigned(width.mu);
+  const int u = std::max(bits.TakeSigned(width.mu), -largest),
+            v = std::max(bits.TakeSigned(width.mu), -largest);
+  const float step = 1.0f / static_cast<float>(largest);
+  lobe.mu = OctahedralDirection(static_cast<float>(u) * step, static_cast<float>(v) * step);
+  const int kappa = bits.Take(width.kappa);
+  const int code = 1 + Rescale(kappa - 1, (1 << width.kappa) - 2, kKappaCodes);
+  lobe.kappa = kappa == 0 ? 0.0f : std::min(kKappaTable[static_cast<uint16_t>(code)], kMaxKappa);
+  return lobe;
+}
+
 }  // namespace lobe_codec_internal
+
+inline DirectLobe DecodeDirect(const std::byte* in, uint32_t bytes) {
+  using namespace lobe_codec_internal;
+  if (bytes == 8) return UnpackDirect({in, 8}, kDirect8);
+  return bytes == 6 ? UnpackDirect({in, 6}, kDirect6) : DecodeDirect(in);
+}
+
+inline IndirectLobe DecodeIndirect(const std::byte* in, uint32_t bytes) {
+  using namespace lobe_codec_internal;
+  if (bytes == 8) return UnpackIndirect({in, 8}, kIndirect8);
+  return bytes == 6 ? UnpackIndirect({in, 6}, kIndirect6) : DecodeIndirect(in);
+}
 
 inline DirectLobe DecodeDirect(const std::byte* in) {
   using namespace lobe_codec_internal;

@@ -60,7 +60,7 @@ DirectLobe InterpolateDirect(const SliceTableView& table, const Corners<kColumns
       const float w = corners.weight[i * kColumns + j];
       const std::byte* entry = row.empty() || w <= 0 ? nullptr : row.Find(corners.column[j]);
       if (entry) {
-        blend.Add(w, DecodeDirect(entry));
+        blend.Add(w, DecodeDirect(entry, table.entry_bytes()));
       } else {
         blend.AddFree(w);
       }
@@ -74,7 +74,7 @@ DirectLobe InterpolateDirect(const SliceTableView& table, const NestedCorners& c
   for (int i = 0; i < corners.point.rows; ++i)
     corners.VisitRow(i, table.Row(corners.point.row[i]), [&](uint32_t, float w, const std::byte* entry) {
       if (entry) {
-        blend.Add(w, DecodeDirect(entry));
+        blend.Add(w, DecodeDirect(entry, table.entry_bytes()));
       } else {
         blend.AddFree(w);
       }
@@ -88,7 +88,9 @@ class LobeRows {
   LobeRows(const LayerViews& layer, uint32_t slot, uint32_t row) {
     // Where a row is empty, so are those of further lobes.
     for (; lobes_ < layer.lobes(); ++lobes_) {
-      row_[lobes_] = layer.table(lobes_, slot).Row(row);
+      const SliceTableView& table = layer.table(lobes_, slot);
+      row_[lobes_] = table.Row(row);
+      entry_bytes_[lobes_] = table.entry_bytes();
       if (row_[lobes_].empty()) return;
     }
   }
@@ -98,13 +100,14 @@ class LobeRows {
   template <class Visit>
   void ForEach(uint32_t column, const std::byte* entry, const Visit& visit) const {
     for (uint32_t lobe = 1; entry; ++lobe) {
-      visit(DecodeIndirect(entry));
+      visit(DecodeIndirect(entry, entry_bytes_[lobe - 1]));
       entry = lobe < lobes_ ? row_[lobe].Find(column) : nullptr;
     }
   }
 
  private:
   std::array<SliceTableView::RowView, kMaxSliceLobes> row_;
+  std::array<uint32_t, kMaxSliceLobes> entry_bytes_;
   uint32_t lobes_ = 0;
 };
 

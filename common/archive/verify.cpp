@@ -46,7 +46,9 @@ Status CheckEntries(const SliceTableView& table, bool direct, int threads) {
     uint64_t in_row = 0;
     table.Row(static_cast<uint32_t>(row)).ForEach([&](uint32_t column, const std::byte* entry) {
       ++in_row;
-      if (direct ? IsCanonicalDirect(entry) : IsCanonicalIndirect(entry)) return;
+      const bool canonical = direct ? IsCanonicalDirect(entry, table.entry_bytes())
+                                    : IsCanonicalIndirect(entry, table.entry_bytes());
+      if (canonical) return;
       LowerTo(row * uint64_t{table.columns()} + column, &first_bad);
     });
     found += in_row;

@@ -13,6 +13,7 @@ void HashSettings(const BakeSettings& s, Hasher* hasher) {
       .Add(s.split_levels)
       .Add(s.paper_rays)
       .Add(s.drop)
+      .Add(s.bits_tolerance)
       .Add(s.slice_lobes)
       .Add(s.lobe_tolerance)
       .Add(s.seed)

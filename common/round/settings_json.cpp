@@ -12,7 +12,7 @@ namespace glint {
 namespace {
 
 constexpr int kMaxRays = 1 << 20;
-static_assert(sizeof(BakeSettings) == 80 && sizeof(BrdfFitOptions) == 8,
+static_assert(sizeof(BakeSettings) == 88 && sizeof(BrdfFitOptions) == 8,
               "a field was added or taken away: do the same below");
 
 /// Calls visit(name, field, low, high) for every number of the settings.
@@ -28,6 +28,7 @@ void VisitNumbers(Settings& s, const Visit& visit) {
   visit("split_levels", s.split_levels, 0, 2);
   visit("paper_rays", s.paper_rays, 1, kMaxRays);
   visit("drop", s.drop, 0.0f, 1.0f);
+  visit("bits_tolerance", s.bits_tolerance, 0.0f, 1.0f);
   visit("slice_lobes", s.slice_lobes, 1, kMaxSliceLobes);
   visit("lobe_tolerance", s.lobe_tolerance, 0.0f, 1.0f);
   visit("seed", s.seed, uint64_t{0}, std::numeric_limits<uint64_t>::max());

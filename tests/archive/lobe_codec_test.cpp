@@ -237,6 +237,102 @@ TEST(LobeCodecTest, EveryBorderCodeIsCanonicalOrNamesAnother) {
   }
 }
 
+// ---- Fewer bytes ----
+
+/// Bounds of an entry of some bytes, as docs/archive-format.md states them.
+struct PackedBounds {
+  uint32_t bytes;
+  float fraction, ratio, shift, alpha, mu, kappa;
+};
+constexpr PackedBounds kPackedBounds[] = {{8, 1.4e-4f, 2.0e-3f, 2.9e-4f, 0x1.4p-9f, 4.2e-3f, 2.8e-3f},
+                                          {6, 1.0e-3f, 2.8e-2f, 2.1e-3f, 0x1.1p-6f, 1.7e-2f, 2.1e-2f}};
+
+class PackedEntryTest : public testing::TestWithParam<PackedBounds> {
+ protected:
+  DirectLobe Packed(const DirectLobe& lobe) const {
+    std::array<std::byte, 12> whole, packed;
+    EncodeDirect(lobe, whole.data());
+    PackDirect(whole.data(), GetParam().bytes, packed.data());
+    return DecodeDirect(packed.data(), GetParam().bytes);
+  }
+  IndirectLobe Packed(const IndirectLobe& lobe) const {
+    std::array<std::byte, 12> whole, packed;
+    EncodeIndirect(lobe, whole.data());
+    PackIndirect(whole.data(), GetParam().bytes, packed.data());
+    return DecodeIndirect(packed.data(), GetParam().bytes);
+  }
+};
+
+TEST_P(PackedEntryTest, KeepsItsBounds) {
+  const PackedBounds& bounds = GetParam();
+  CounterRng rng(11, 0);
+  const auto between = [&](float low, float high) { return low + (high - low) * rng.Uniform(); };
+  for (int i = 0; i < 200000; ++i) {
+    const DirectLobe direct{
+        rng.Uniform(), {between(-2, 2), between(-2, 2), between(-2, 2)}, std::exp2(between(-19.9f, 19.9f))};
+    const DirectLobe d = Packed(direct);
+    ASSERT_NEAR(d.fraction, direct.fraction, bounds.fraction);
+    ASSERT_NEAR(d.kappa_ratio / direct.kappa_ratio, 1, bounds.ratio);
+    for (int k = 0; k < 3; ++k) ASSERT_NEAR(d.shift[k], direct.shift[k], bounds.shift);
+
+    const float z = between(-1, 1), phi = between(0, 6.2831853f), r = std::sqrt(1 - z * z);
+    const float scale = std::exp2(between(-12, 15));
+    const IndirectLobe indirect{scale * glm::vec3(rng.Uniform(), rng.Uniform(), rng.Uniform()),
+                                {r * std::cos(phi), r * std::sin(phi), z},
+                                std::exp2(between(-9.9f, 19.9f))};
+    const IndirectLobe l = Packed(indirect);
+    const float largest = std::max({indirect.alpha.x, indirect.alpha.y, indirect.alpha.z});
+    for (int k = 0; k < 3; ++k) ASSERT_NEAR(l.alpha[k], indirect.alpha[k], bounds.alpha * largest);
+    ASSERT_LT(glm::length(l.mu - indirect.mu), bounds.mu);
+    ASSERT_NEAR(l.kappa / indirect.kappa, 1, bounds.kappa);
+  }
+}
+
+TEST_P(PackedEntryTest, ExactValuesStayExact) {
+  for (const float fraction : {0.0f, 1.0f}) {
+    const DirectLobe lobe = Packed(DirectLobe{.fraction = fraction});
+    EXPECT_EQ(lobe.fraction, fraction);
+    EXPECT_EQ(lobe.shift, glm::vec3(0));
+    EXPECT_EQ(lobe.kappa_ratio, 1);
+  }
+  const IndirectLobe dark = Packed(IndirectLobe{});
+  EXPECT_EQ(dark.alpha, glm::vec3(0));
+  EXPECT_EQ(dark.mu, glm::vec3(0, 0, 1));
+  EXPECT_EQ(dark.kappa, 0);
+  EXPECT_EQ(Packed(IndirectLobe{glm::vec3(1, 0.5f, 0), {1, 0, 0}, 1}).alpha, glm::vec3(1, 0.5f, 0));
+}
+
+TEST_P(PackedEntryTest, AnyBytesDecodeWithinRangesAndStably) {
+  const uint32_t bytes = GetParam().bytes;
+  CounterRng rng(12, 0);
+  for (int i = 0; i < 300000; ++i) {
+    std::array<std::byte, 12> in{}, whole{}, again{}, twice{};
+    for (uint32_t b = 0; b < bytes; ++b) in[b] = static_cast<std::byte>(rng.Bits() & 255);
+    const DirectLobe direct = DecodeDirect(in.data(), bytes);
+    ASSERT_TRUE(direct.fraction >= 0 && direct.fraction <= 1);
+    ASSERT_TRUE(direct.kappa_ratio >= 0x1p-20f && direct.kappa_ratio <= 0x1p20f);
+    for (int k = 0; k < 3; ++k) ASSERT_LE(std::abs(direct.shift[k]), 2);
+    EncodeDirect(direct, whole.data());
+    PackDirect(whole.data(), bytes, again.data());
+    ASSERT_EQ(IsCanonicalDirect(in.data(), bytes), in == again);
+    ASSERT_TRUE(IsCanonicalDirect(again.data(), bytes));
+
+    const IndirectLobe indirect = DecodeIndirect(in.data(), bytes);
+    for (int k = 0; k < 3; ++k) ASSERT_TRUE(indirect.alpha[k] >= 0 && indirect.alpha[k] <= 65504);
+    ASSERT_NEAR(glm::length(indirect.mu), 1, 2e-7);
+    ASSERT_TRUE(indirect.kappa >= 0 && indirect.kappa <= kMaxKappa);
+    EncodeIndirect(indirect, whole.data());
+    PackIndirect(whole.data(), bytes, again.data());
+    ASSERT_TRUE(IsCanonicalIndirect(again.data(), bytes));
+    // Rounding what was rounded gives the same bytes: nothing drifts.
+    EncodeIndirect(DecodeIndirect(again.data(), bytes), whole.data());
+    PackIndirect(whole.data(), bytes, twice.data());
+    ASSERT_EQ(again, twice);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Bytes, PackedEntryTest, testing::ValuesIn(kPackedBounds));
+
 TEST(LobeCodecTest, ReservedCodesAreNotCanonical) {
   const auto direct = [](int field, uint16_t code) {
     return WithCode(DirectLobe{}, EncodeDirect, field, code);

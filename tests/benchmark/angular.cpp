@@ -4,8 +4,9 @@
 //   glint_benchmark_angular [--scenes teapot,goblets] [--exponents 32,128,512] [--vertices 5000] [--layers 2]
 //                           [--grids 162,642,2562,2562:0.1:42] [--slices 800] [--threads 1]
 //
-// A grid is DIRECTIONS, or DIRECTIONS:TOLERANCE:BASE as for glint bake --directions, --angular-tolerance and
-// --base-directions.
+// A scene is one of glint's own, or a .glb or .gltf file, which keeps its materials whatever the exponents
+// are. A grid is DIRECTIONS, or DIRECTIONS:TOLERANCE:BASE as for --directions, --angular-tolerance and
+// --base-directions of glint bake.
 #include <unistd.h>
 
 #include <cstdio>
@@ -18,6 +19,7 @@
 
 #include "common/archive/archive.h"
 #include "common/scene/generate.h"
+#include "common/scene/load.h"
 #include "coordinator/bake.h"
 #include "coordinator/error_estimate.h"
 
@@ -95,6 +97,10 @@ void Run(const Scene& scene, const std::string& name, float exponent, const std:
   fs::remove(path.string() + ".json");
 }
 
+void RunGrids(const Scene& scene, const std::string& name, float exponent, const Arguments& args) {
+  for (const std::string& grid : args.grids) Run(scene, name, exponent, grid, args);
+}
+
 Arguments Parse(int argc, char** argv) {
   Arguments args;
   args.bake.max_layers = 2;
@@ -134,10 +140,13 @@ int main(int argc, char** argv) {
   std::printf(
       "| scene | exponent | directions | CPU s | MB | entries a vertex | error | angular | layers |\n"
       "|---|---|---|---|---|---|---|---|---|\n");
-  for (const std::string& name : args.scenes)
-    for (const float exponent : args.exponents) {
-      const Scene scene = Need(GenerateScene(name, {args.vertices, exponent}));
-      for (const std::string& grid : args.grids) Run(scene, name, exponent, grid, args);
+  for (const std::string& name : args.scenes) {
+    if (const fs::path path(name); path.has_extension()) {
+      RunGrids(Need(LoadScene(path, {})), path.stem(), 0, args);
+      continue;
     }
+    for (const float exponent : args.exponents)
+      RunGrids(Need(GenerateScene(name, {args.vertices, exponent})), name, exponent, args);
+  }
   return 0;
 }

@@ -218,7 +218,7 @@ TEST(MergeLayerTest, OrderOfTasksDoesNotShow) {
       ASSERT_TRUE((*executor)->Run({{&task, 1}, nullptr}, [&](size_t, bool there) { done += !there; }).ok());
     EXPECT_EQ(done, tasks.size());
     const Result<Layer> layer =
-        MergeLayer(*store, tasks, domain, grid, settings.StoredLobes(0), TableForm::kCompact, 2);
+        MergeLayer(*store, tasks, domain, grid, settings, TableForm::kCompact, 2);
     ASSERT_TRUE(layer.ok()) << layer.status().message();
     digests.push_back(layer->digest);
     EXPECT_GT(layer->stored[0], 0u);

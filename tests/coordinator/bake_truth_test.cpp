@@ -64,7 +64,7 @@ TEST_P(BakeTruthTest, NothingReachesTheSkyFromInsideAFurnace) {
   for (uint32_t v = 0; v < domain.vertex_count(); ++v) {
     const std::byte* entry = layers[0].diffuse.Find(v, 0);
     ASSERT_NE(entry, nullptr) << "vertex " << v << " sees the sky";
-    EXPECT_EQ(DecodeDirect(entry).fraction, 0.0f) << "vertex " << v;
+    EXPECT_EQ(DecodeDirect(entry, layers[0].diffuse.entry_bytes()).fraction, 0.0f) << "vertex " << v;
   }
   for (size_t layer = 1; layer < layers.size(); ++layer) {
     EXPECT_EQ(baked->report.layers[layer].stored[0], 0u);

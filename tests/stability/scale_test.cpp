@@ -45,9 +45,9 @@ class Comparison {
     for (uint32_t v = 0; v < a.domain().vertex_count(); ++v) {
       for (int layer = 0; layer < a.layers(); ++layer) {
         const auto l = static_cast<size_t>(layer);
-        Compare(a_[l].diffuse.Find(v, 0), b_[l].diffuse.Find(v, 0), layer);
+        Compare(a_[l].diffuse, b_[l].diffuse, v, 0, layer);
         for (uint32_t c = 0; c < a.grid().size(); ++c)
-          if (a.Defined(v, c)) Compare(a_[l].specular[0].Find(v, c), b_[l].specular[0].Find(v, c), layer);
+          if (a.Defined(v, c)) Compare(a_[l].specular[0], b_[l].specular[0], v, c, layer);
       }
     }
     result_.direct = std::sqrt(square_[0] / count_[0]);
@@ -56,17 +56,19 @@ class Comparison {
   const Difference& result() const { return result_; }
 
  private:
-  static double Value(const std::byte* entry, int layer) {
-    if (layer == 0) return entry ? DecodeDirect(entry).fraction : 1;
-    return entry ? Luminance(DecodeIndirect(entry).alpha) : 0;
+  static double Value(const std::byte* entry, uint32_t bytes, int layer) {
+    if (layer == 0) return entry ? DecodeDirect(entry, bytes).fraction : 1;
+    return entry ? Luminance(DecodeIndirect(entry, bytes).alpha) : 0;
   }
-  void Compare(const std::byte* x, const std::byte* y, int layer) {
+  void Compare(const SliceTableView& a, const SliceTableView& b, uint32_t row, uint32_t column, int layer) {
+    const std::byte *x = a.Find(row, column), *y = b.Find(row, column);
+    const uint32_t bytes = a.entry_bytes();
     const int kind = layer > 0;
-    const double difference = Value(x, layer) - Value(y, layer);
+    const double difference = Value(x, bytes, layer) - Value(y, b.entry_bytes(), layer);
     square_[kind] += difference * difference;
     count_[kind] += 1;
-    const size_t bytes = layer == 0 ? kDirectEntryBytes : kIndirectEntryBytes;
-    result_.entries += (x == nullptr) != (y == nullptr) || (x && std::memcmp(x, y, bytes) != 0);
+    const bool alike = (x == nullptr) == (y == nullptr) && bytes == b.entry_bytes();
+    result_.entries += !alike || (x && std::memcmp(x, y, bytes) != 0);
   }
 
   const std::vector<LayerViews>&a_, &b_;

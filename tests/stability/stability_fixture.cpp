@@ -116,13 +116,15 @@ Baked::Baked(Scene scene, const SmallBake& options) : scene_(std::move(scene)), 
 }
 
 double Baked::FreeDiffuse(uint32_t vertex) const {
-  const std::byte* entry = archive_->layers()[0].diffuse.Find(vertex, 0);
-  return entry ? DecodeDirect(entry).fraction : 1;
+  const SliceTableView& table = archive_->layers()[0].diffuse;
+  const std::byte* entry = table.Find(vertex, 0);
+  return entry ? DecodeDirect(entry, table.entry_bytes()).fraction : 1;
 }
 
 double Baked::FreeSpecular(uint32_t vertex, uint32_t column, int k) const {
-  const std::byte* entry = archive_->layers()[0].specular[static_cast<size_t>(k)].Find(vertex, column);
-  return entry ? DecodeDirect(entry).fraction : 1;
+  const SliceTableView& table = archive_->layers()[0].specular[static_cast<size_t>(k)];
+  const std::byte* entry = table.Find(vertex, column);
+  return entry ? DecodeDirect(entry, table.entry_bytes()).fraction : 1;
 }
 
 bool Baked::Defined(uint32_t vertex, uint32_t column) const {
