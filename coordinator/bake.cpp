@@ -63,7 +63,7 @@ uint32_t DefaultVerticesPerTask(uint32_t vertices) { return std::clamp(vertices 
 
 /// Blocks of vertices x directions, ordered by first vertex, then first column.
 std::vector<TaskSpec> Partition(const BakeOptions& options, uint32_t vertices, uint32_t columns, int layer,
-                                const Digest& bake_key, const Digest& nodes, const Digest& previous) {
+                                const Digest& bake_key, const Digest& previous) {
   const uint32_t vertex_step =
       options.vertices_per_task ? options.vertices_per_task : DefaultVerticesPerTask(vertices);
   const uint32_t column_step =
@@ -72,7 +72,7 @@ std::vector<TaskSpec> Partition(const BakeOptions& options, uint32_t vertices, u
   for (uint32_t v = 0; v < vertices; v += vertex_step)
     for (uint32_t c = 0; c < columns; c += column_step) {
       const GatherBlock block{v, std::min(vertex_step, vertices - v), c, std::min(column_step, columns - c)};
-      tasks.push_back({TaskKey(bake_key, nodes, layer, block, previous), layer, block});
+      tasks.push_back({TaskKey(bake_key, layer, block, previous), layer, block});
     }
   return tasks;
 }
@@ -195,10 +195,10 @@ void Describe(const RefinementReport& refinement, std::vector<std::string>* note
 }
 
 /// Decides where transfer is known; every vertex of the mesh where the settings say nothing.
-Status PlaceVertices(const RefinementInput& input, BakeDomain* domain, BakeReport* report) {
-  if (input.settings.subdivide > 0) GLINT_RETURN_IF_ERROR(SubdivideEvenly(input.settings.subdivide, domain));
-  if (input.settings.spatial_tolerance > 0) {
-    GLINT_ASSIGN_OR_RETURN(report->refinement, RefineVertices(input, domain));
+Status PlaceVertices(const BakeSettings& settings, int threads, BakeDomain* domain, BakeReport* report) {
+  if (settings.subdivide > 0) GLINT_RETURN_IF_ERROR(SubdivideEvenly(settings.subdivide, domain));
+  if (settings.spatial_tolerance > 0) {
+    GLINT_ASSIGN_OR_RETURN(report->refinement, RefineVertices(settings, threads, domain));
     Describe(*report->refinement, &report->notes);
   }
   report->baked_vertices = domain->row_count();
@@ -245,6 +245,8 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
   report.vertices = domain.vertex_count();
   report.triangles = domain.triangles.size();
   report.directions = grid.size();
+  progress.Stage("place");
+  GLINT_RETURN_IF_ERROR(PlaceVertices(options.settings, threads, &domain, &report));
 
   const uint64_t memory = options.memory_bytes ? options.memory_bytes : UsableMemory() / 4;
   const auto make_executor = options.make_executor ? options.make_executor : MakeLocalExecutor;
@@ -252,15 +254,11 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
                          make_executor({scene.content, domain, grid, options.settings, work.store(), threads,
                                         memory, options.stop}));
 
-  progress.Stage("place");
-  GLINT_RETURN_IF_ERROR(PlaceVertices(
-      {grid, options.settings, bake_key, &work.store(), executor.get(), threads}, &domain, &report));
-  const Digest nodes = HashNodes(domain.nodes);
   std::deque<Layer> layers;
   for (int index = 0; index <= options.max_layers; ++index) {
     const Digest previous = layers.empty() ? Digest{} : layers.back().digest;
     const std::vector<TaskSpec> tasks =
-        Partition(options, domain.row_count(), grid.size(), index, bake_key, nodes, previous);
+        Partition(options, domain.row_count(), grid.size(), index, bake_key, previous);
     GLINT_ASSIGN_OR_RETURN(
         Layer layer, BakeLayer(tasks, layers.empty() ? nullptr : &layers.back(), work.store(), domain, grid,
                                options, threads, executor.get(), &progress));

@@ -100,10 +100,10 @@ struct BakeReport {
   std::string deterministic_json, json;
 };
 
-/// Bakes a scene file into an archive: load, fit, place vertices, direct and indirect layers, merge, estimate,
-/// write. Stopped by a signal (kInterrupted) or killed at any moment, the same call goes on where it was. With
-/// a target, of the report there are only JSON, key, bytes and seconds. Errors: those of LoadScene and
-/// RefineToTarget; kUsage for max_layers; kIo for the output or the work folder; kInterrupted.
+/// Bakes a scene file into an archive: load, fit, place vertices, direct and indirect layers, merge,
+/// estimate, write. Stopped by a signal (kInterrupted) or killed at any moment, the same call goes on where
+/// it was. With a target, of the report there are only JSON, key, bytes and seconds. Errors: those of
+/// LoadScene and RefineToTarget; kUsage for max_layers; kIo for the output or the work folder; kInterrupted.
 Result<BakeReport> Bake(const std::filesystem::path& scene_path, const std::filesystem::path& out_path,
                         const BakeOptions& options, const BakeProgressCallback& progress = {});
 

@@ -60,8 +60,7 @@ Json DescribeSettings(const BakeOptions& options) {
 }
 
 Json DescribeRefinement(const RefinementReport& r) {
-  return {{"rounds", r.rounds},
-          {"levels", r.levels},
+  return {{"levels", r.levels},
           {"tested", r.tested},
           {"middles", r.middles},
           {"degenerate_triangles", r.degenerate},

@@ -24,6 +24,8 @@ std::vector<std::byte> MakeTable(const BlockRows& rows, uint32_t columns, const 
   return builder.Finish(form);
 }
 
+}  // namespace
+
 std::vector<IndirectLobe> ReadOutIndirect(const SliceLobe& lobe, const ReadOut& read_out, FanLight* light) {
   const IndirectMoments moments = light->Moments();
   std::vector<IndirectLobe> lobes;

@@ -13,10 +13,6 @@
 
 namespace glint {
 
-/// A table of these rows.
-std::vector<std::byte> MakeTable(const BlockRows& rows, uint32_t columns, uint32_t entry_bytes,
-                                 TableForm form);
-
 /// What a fan's light of a layer above 0 is stored as; empty if as nothing.
 std::vector<IndirectLobe> ReadOutIndirect(const SliceLobe& lobe, const ReadOut& read_out, FanLight* light);
 

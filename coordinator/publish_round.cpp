@@ -18,7 +18,6 @@ RoundManifest MakeManifest(const ExecutorInput& bake, const Round& round) {
   manifest.execution = ExecutionId();
   manifest.scene = bake.scene;
   manifest.settings = bake.settings;
-  manifest.nodes = HashNodes(bake.domain.nodes);
   manifest.layer = round.tasks.front().layer;
   if (round.previous) manifest.previous = round.previous->digest;
   for (const TaskSpec& task : round.tasks) manifest.blocks.push_back(task.block);
@@ -46,7 +45,7 @@ Status WriteInput(const ExecutorInput& bake, const RoundManifest& manifest, cons
   content.base_level = bake.grid.base_level();
   content.slice_lobes = static_cast<int>(bake.settings.StoredLobes(1));
   content.archive_key = manifest.InputKey();
-  if (previous != nullptr && manifest.layer > 1) {
+  if (manifest.layer > 1) {
     empty = EmptyDirectLayer(bake);
     content.layer_bytes.emplace_back(empty.begin(), empty.end());
   }

@@ -21,8 +21,7 @@ Result<Archive> OpenInput(const fs::path& folder, const RoundManifest& round) {
   GLINT_ASSIGN_OR_RETURN(Archive input, Archive::Open(path));
   const bool matches = input.archive_key() == round.InputKey() &&
                        input.grid_level() == round.settings.grid_level &&
-                       input.layers().empty() == (round.previous == Digest{}) &&
-                       HashNodes(input.domain().nodes) == round.nodes;
+                       input.layers().empty() == (round.layer == 0);
   if (!matches)
     return BadInput(path.string() + ": is not the input of this round; remove the file and resume the bake");
   return input;
@@ -31,7 +30,7 @@ Result<Archive> OpenInput(const fs::path& folder, const RoundManifest& round) {
 Status CheckBlock(const GatherBlock& block, const BakeDomain& domain) {
   const uint64_t end = uint64_t{block.first_vertex} + block.vertices;
   if (end <= domain.row_count()) return {};
-  return BadInput("the task's vertices end at " + std::to_string(end) + ", the round has " +
+  return BadInput("the task's vertices end at " + std::to_string(end) + ", the surface has " +
                   std::to_string(domain.row_count()));
 }
 
@@ -47,7 +46,7 @@ struct BakeRunner::Surface {
         gatherer(MakeGatherer({domain, rays, grid}, settings, memory_bytes)) {}
 
   const Digest bake;
-  BakeDomain domain;  ///< its nodes are those of the round
+  const BakeDomain domain;
   const DirectionGrid grid;
   const RayScene rays;
   const std::unique_ptr<Gatherer> gatherer;
@@ -72,9 +71,7 @@ struct BakeRunner::State {
       GLINT_RETURN_IF_ERROR(made->rays.status());
       surface = std::move(made);
     }
-    surface->domain.nodes = input.domain().nodes;
-    surface->gatherer->BeginLayer(round.layer, input.layers().empty() ? nullptr : &input.layers().back(),
-                                  threads);
+    surface->gatherer->BeginLayer(round.layer, round.layer > 0 ? &input.layers().back() : nullptr, threads);
     round_input = round.InputKey();
     return {};
   }

@@ -12,8 +12,8 @@
 
 namespace glint {
 
-/// Part of every task's key: raised whenever a change to gathering changes results, so that chunks of an
-/// older program are not taken for this one's.
+/// Part of every task's key: raised whenever a change to gathering, or to which vertices are baked, changes
+/// results, so that chunks of an older program are not taken for this one's.
 inline constexpr int kGatherRevision = 7;
 
 /// Gathers one layer, block by block. Implementations are pure functions of (domain, rays, settings, previous
@@ -21,10 +21,9 @@ inline constexpr int kGatherRevision = 7;
 class Gatherer {
  public:
   virtual ~Gatherer() = default;
-  /// Turns to a layer, before its first block, and to the domain's nodes as they are now.
+  /// Turns to a layer, before its first block.
   /// @param layer     0: direct light; above: gathers `previous`, the tables of layer - 1, which are needed
   ///                  during the call only
-  /// @param previous  null in layer 0; in layer 1: gathers what surfaces send that nothing blocks
   virtual void BeginLayer(int layer, const LayerViews* previous, int threads) = 0;
   /// Thread-safe within a layer.
   virtual BlockResult Gather(const GatherBlock& block) = 0;

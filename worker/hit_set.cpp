@@ -271,7 +271,11 @@ float SharpestKappa(const BrdfShape& shape) {
 }
 
 HitSetCache::HitSetCache(const GatherInput& input, const BakeSettings& settings, uint64_t memory_bytes)
-    : input_(input), settings_(settings), room_(static_cast<int64_t>(memory_bytes)) {
+    : input_(input),
+      settings_(settings),
+      surface_(input.domain, input.rays.epsilon()),
+      sets_(2 * static_cast<size_t>(input.domain.row_count())),
+      room_(static_cast<int64_t>(memory_bytes)) {
   for (const BrdfShape& shape : input.domain.shapes) {
     const int side = LatticeSide(shape, settings);
     size_t i = 0;
@@ -279,18 +283,6 @@ HitSetCache::HitSetCache(const GatherInput& input, const BakeSettings& settings,
     if (i == lattices_.size()) lattices_.push_back(std::make_unique<HemisphereLattice>(side));
     lattice_of_shape_.push_back(static_cast<uint8_t>(i));
   }
-}
-
-void HitSetCache::Turn() {
-  const BakeNodes& nodes = input_.domain.nodes;
-  if (surface_ && splits_ == nodes.splits && rows_ == nodes.rows) return;
-  splits_ = nodes.splits;
-  rows_ = nodes.rows;
-  surface_.emplace(input_.domain, input_.rays.epsilon());
-  const size_t node_count = input_.domain.vertex_count() + nodes.facets.middles().size();
-  std::vector<std::atomic<HitSet*>> sets(std::max(sets_.size(), 2 * node_count));
-  for (size_t i = 0; i < sets_.size(); ++i) sets[i] = sets_[i].load();
-  sets_.swap(sets);
 }
 
 HitSetCache::~HitSetCache() {
@@ -302,7 +294,7 @@ const HemisphereLattice& HitSetCache::lattice(uint32_t vertex) const {
 }
 
 Frame HitSetCache::LatticeFrame(uint32_t vertex, bool back) const {
-  const Frame base = Frame::FromNormal(surface_->side(vertex, back).normal);
+  const Frame base = Frame::FromNormal(surface_.side(vertex, back).normal);
   const uint32_t node = input_.domain.RowNode(vertex);
   const float angle = 2 * kPi * CounterRng(settings_.seed, node, back, 0x4C617474u).Uniform();
   const float c = std::cos(angle), s = std::sin(angle);
@@ -312,7 +304,7 @@ Frame HitSetCache::LatticeFrame(uint32_t vertex, bool back) const {
 std::unique_ptr<HitSet> HitSetCache::Trace(uint32_t vertex, bool back) const {
   const HemisphereLattice& lattice = this->lattice(vertex);
   thread_local FanBuffers buffers;
-  Fan fan(input_, *surface_, surface_->side(vertex, back), vertex, LatticeFrame(vertex, back), lattice,
+  Fan fan(input_, surface_, surface_.side(vertex, back), vertex, LatticeFrame(vertex, back), lattice,
           &buffers);
   fan.Trace(settings_.split_levels);
   auto set = std::make_unique<HitSet>(HitSetBuilder(fan).Build());
@@ -321,7 +313,7 @@ std::unique_ptr<HitSet> HitSetCache::Trace(uint32_t vertex, bool back) const {
 }
 
 const HitSet& HitSetCache::Get(uint32_t vertex, bool back, std::unique_ptr<HitSet>* keep) {
-  std::atomic<HitSet*>& slot = sets_[2 * static_cast<size_t>(input_.domain.RowNode(vertex)) + back];
+  std::atomic<HitSet*>& slot = sets_[2 * static_cast<size_t>(vertex) + back];
   if (const HitSet* known = slot.load(std::memory_order_acquire)) return *known;
   *keep = Trace(vertex, back);
   const auto bytes = static_cast<int64_t>((*keep)->bytes());

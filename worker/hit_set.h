@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <memory>
-#include <optional>
 #include <vector>
 
 #include "common/base/frame.h"
@@ -56,27 +55,23 @@ class HitSetCache {
   HitSetCache(const GatherInput& input, const BakeSettings& settings, uint64_t memory_bytes);
   ~HitSetCache();
 
-  /// Turns to the domain's bake vertices as they are now. Sets that are kept stay: they belong to nodes. Not
-  /// while others call.
-  void Turn();
   /// The set of one side of a bake vertex. `keep` owns it where the cache has no room.
   const HitSet& Get(uint32_t vertex, bool back, std::unique_ptr<HitSet>* keep);
   const HemisphereLattice& lattice(uint32_t vertex) const;
   /// Frame of the vertex's lattice: turned about the normal by a random angle that is the vertex's own, so
   /// that neighbouring vertices do not share one aliasing pattern.
   Frame LatticeFrame(uint32_t vertex, bool back) const;
-  const SurfaceVertices& surface() const { return *surface_; }
+  const SurfaceVertices& surface() const { return surface_; }
 
  private:
   std::unique_ptr<HitSet> Trace(uint32_t vertex, bool back) const;
 
   const GatherInput& input_;
   const BakeSettings& settings_;
-  std::optional<SurfaceVertices> surface_;
-  std::vector<uint32_t> splits_, rows_;  ///< that surface_ was made for
+  SurfaceVertices surface_;
   std::vector<std::unique_ptr<HemisphereLattice>> lattices_;
   std::vector<uint8_t> lattice_of_shape_;
-  std::vector<std::atomic<HitSet*>> sets_;  ///< [2 node + side]
+  std::vector<std::atomic<HitSet*>> sets_;  ///< [2 row + side]
   std::atomic<int64_t> room_;
 };
 

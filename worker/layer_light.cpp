@@ -93,13 +93,12 @@ struct LayerLight::Sums {
   glm::vec3 direction() const { return glm::vec3(vector[0], vector[1], vector[2]) * (1 / 32767.0f); }
 };
 
-LayerLight::LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews* views,
+LayerLight::LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views,
                        int layer, int threads)
     : domain_(domain),
       grid_(grid),
-      facet_rows_(domain),
       layer_(layer),
-      lobes_(domain.max_lobes()),
+      lobes_(static_cast<int>(views.specular.size())),
       words_((grid.size() + kWordColumns - 1) / kWordColumns),
       head_((words_ * sizeof(uint64_t) + sizeof(Entry) - 1) / sizeof(Entry)),
       samplers_(MakeSliceSamplers(domain.shapes)) {
@@ -112,10 +111,8 @@ LayerLight::LayerLight(const BakeDomain& domain, const DirectionGrid& grid, cons
   absent_.assign(static_cast<size_t>(std::max(lobes_, 1)), absent);
   empty_row_.assign(words_, 0);
   PackSurface();
-  if (domain.has_diffuse()) diffuse_.assign(2 * static_cast<size_t>(domain.row_count()), absent_[0]);
-  if (views == nullptr) return;
-  PackRows(*views, threads);
-  if (domain.has_diffuse()) PackDiffuse(*views);
+  PackRows(views, threads);
+  if (domain.has_diffuse()) PackDiffuse(views);
 }
 
 void LayerLight::PackSurface() {
@@ -127,12 +124,15 @@ void LayerLight::PackSurface() {
     triangles_.push_back(
         {t, domain_.FaceNormal(static_cast<uint32_t>(i)), domain_.triangle_double_sided[i], one_shape});
   }
+  const auto* nothing = reinterpret_cast<const std::byte*>(empty_row_.data());
   vertices_.reserve(domain_.vertex_count());
   for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
-    vertices_.push_back({domain_.normals[v], domain_.specular[v], domain_.diffuse[v], domain_.shape[v]});
+    vertices_.push_back(
+        {{domain_.normals[v], nothing}, domain_.specular[v], domain_.diffuse[v], domain_.shape[v]});
+  if (domain_.nodes.every_vertex()) return;
+  facet_rows_.emplace(domain_);
   row_.reserve(domain_.row_count());
-  for (uint32_t r = 0; r < domain_.row_count(); ++r)
-    row_.push_back({domain_.Row(r).normal, reinterpret_cast<const std::byte*>(empty_row_.data())});
+  for (uint32_t r = 0; r < domain_.row_count(); ++r) row_.push_back({domain_.Row(r).normal, nothing});
 }
 
 LayerLight::Entry LayerLight::Pack(const LayerViews& views, uint32_t slot, uint32_t v,
@@ -173,7 +173,7 @@ void LayerLight::PackRows(const LayerViews& views, int threads) {
     thread_local std::vector<Entry> slices;
     UnpackRow(views, v, &slices);
     packed_[v] = PackRow(slices);
-    row_[v].words = reinterpret_cast<const std::byte*>(packed_[v].data());
+    RowAt(v).words = reinterpret_cast<const std::byte*>(packed_[v].data());
   });
 }
 
@@ -244,6 +244,7 @@ std::vector<LayerLight::Entry> LayerLight::PackRow(const std::vector<Entry>& sli
 }
 
 void LayerLight::PackDiffuse(const LayerViews& views) {
+  diffuse_.assign(2 * static_cast<size_t>(domain_.row_count()), absent_[0]);
   for (uint32_t v = 0; v < domain_.row_count(); ++v)
     for (uint32_t side = 0; side < 2; ++side)
       diffuse_[2 * size_t{v} + side] = Pack(views, views.diffuse_slot(), v, side);
@@ -275,10 +276,7 @@ inline void LayerLight::LookBatches(std::span<const LightQuery> queries, HitLigh
   for (size_t first = 0; first < queries.size(); first += kBatch) {
     const size_t count = std::min<size_t>(kBatch, queries.size() - first);
     const LightQuery* query = queries.data() + first;
-    for (size_t i = 0; i < count; ++i) {
-      __builtin_prefetch(&triangles_[query[i].triangle]);
-      __builtin_prefetch(facet_rows_.Begin(query[i].triangle));
-    }
+    for (size_t i = 0; i < count; ++i) __builtin_prefetch(&triangles_[query[i].triangle]);
     for (size_t i = 0; i < count; ++i) {
       for (const uint32_t v : triangles_[query[i].triangle].vertex) __builtin_prefetch(&vertices_[v]);
       FindRows(query[i], &pending[i]);
@@ -297,9 +295,17 @@ inline void LayerLight::LookBatches(std::span<const LightQuery> queries, HitLigh
 inline void LayerLight::FindRows(const LightQuery& query, Pending* hit) const {
   std::array<float, 3> weight = {1 - query.u - query.v, query.u, query.v};
   hit->barycentric = weight;
+  if (!facet_rows_) {
+    hit->rows = 3;
+    for (size_t i = 0; i < 3; ++i) {
+      hit->row[i] = triangles_[query.triangle].vertex[i];
+      hit->row_weight[i] = weight[i];
+    }
+    return;
+  }
   hit->rows = 0;
   float total = 0;
-  for (const FacetRows::Row& row : facet_rows_.Locate(query.triangle, &weight)) {
+  for (const FacetRows::Row& row : facet_rows_->Locate(query.triangle, &weight)) {
     const float w = row.At(weight);
     if (w == 0) continue;
     __builtin_prefetch(&row_[row.row]);
@@ -322,7 +328,7 @@ inline bool LayerLight::Orient(const LightQuery& query, Pending* hit) const {
   face *= hit->side;
   if (face == glm::vec3(0)) face = query.wo;
   glm::vec3 n(0);
-  for (int i = 0; i < 3; ++i) n += hit->barycentric[i] * vertices_[t.vertex[i]].normal;
+  for (int i = 0; i < 3; ++i) n += hit->barycentric[i] * vertices_[t.vertex[i]].row.normal;
   const float length2 = glm::dot(n, n);
   n = length2 > 1e-20f ? n * (hit->side / std::sqrt(length2)) : face;
   hit->normal = BendNormal(face, query.wo, n);
@@ -335,7 +341,7 @@ inline void LayerLight::Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit
   if (LocateAround(wo, hint, hit)) return;
   // As TransferReader: wo is under every corner's horizon, and the interpolated normal stands in.
   glm::vec3 n(0);
-  for (int i = 0; i < hit->rows; ++i) n += hit->row_weight[i] * row_[hit->row[i]].normal;
+  for (int i = 0; i < hit->rows; ++i) n += hit->row_weight[i] * RowAt(hit->row[i]).normal;
   const float length2 = glm::dot(n, n);
   LocateAround(length2 > 1e-20f ? n * (hit->side / std::sqrt(length2)) : hit->normal, hint, hit);
 }
@@ -348,7 +354,7 @@ inline bool LayerLight::LocateAround(const glm::vec3& direction, uint32_t* hint,
   const Float4 share = {location.weight[0], location.weight[1], location.weight[2], 0};
   Float4 weight[kMaxPointRows], total = {};
   for (int i = 0; i < hit->rows; ++i) {
-    const glm::vec3& n = row_[hit->row[i]].normal;
+    const glm::vec3& n = RowAt(hit->row[i]).normal;
     const Float4 cosine = (n.x * hit->side) * x + (n.y * hit->side) * y + (n.z * hit->side) * z;
     weight[i] = cosine > 0.0f ? hit->row_weight[i] * share : Float4{};
     total += weight[i];
@@ -364,14 +370,14 @@ inline bool LayerLight::LocateAround(const glm::vec3& direction, uint32_t* hint,
     hit->word[j] = location.index[j] / kWordColumns;
     hit->bit[j] = location.index[j] % kWordColumns;
     for (int i = 0; i < hit->rows; ++i)
-      __builtin_prefetch(row_[hit->row[i]].words + sizeof(uint64_t) * hit->word[j]);
+      __builtin_prefetch(RowAt(hit->row[i]).words + sizeof(uint64_t) * hit->word[j]);
   }
   return hit->defined;
 }
 
 inline void LayerLight::FindEntries(Pending* hit) const {
   for (int i = 0; i < hit->rows; ++i) {
-    const std::byte* row = row_[hit->row[i]].words;
+    const std::byte* row = RowAt(hit->row[i]).words;
     const Entry* entries = reinterpret_cast<const Entry*>(row) + head_;
     for (int j = 0; j < 3; ++j) {
       const auto word = table_internal::Load<uint64_t>(row + sizeof(uint64_t) * hit->word[j]);

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -39,8 +40,7 @@ struct HitLight {
 /// Immutable; thread-safe.
 class LayerLight {
  public:
-  /// @param views  null: layer 0 of a scene in which nothing blocks anything
-  LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews* views, int layer,
+  LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views, int layer,
              int threads);
 
   /// out[i] answers queries[i]. Queries in a row that are near each other go faster; the answers do not
@@ -68,13 +68,14 @@ class LayerLight {
     uint32_t double_sided;
     uint32_t one_shape;
   };
-  struct alignas(64) Vertex {
-    glm::vec3 normal, specular, diffuse;
-    uint32_t shape;
-  };
-  struct alignas(32) Row {
+  struct Row {
     glm::vec3 normal;
     const std::byte* words;  ///< and entries behind them; shared, without entries, where nothing is stored
+  };
+  struct alignas(64) Vertex {
+    Row row;  ///< its own, where every vertex is baked; else the normal alone
+    glm::vec3 specular, diffuse;
+    uint32_t shape;
   };
   struct Pending;
   struct Sums;
@@ -91,6 +92,8 @@ class LayerLight {
   Entry Pack(const LayerViews& views, uint32_t slot, uint32_t v, uint32_t column) const;
   void LookWide(std::span<const LightQuery> queries, HitLight* out) const;
   void LookBatches(std::span<const LightQuery> queries, HitLight* out) const;
+  Row& RowAt(uint32_t r) { return facet_rows_ ? row_[r] : vertices_[r].row; }
+  const Row& RowAt(uint32_t r) const { return facet_rows_ ? row_[r] : vertices_[r].row; }
   void FindRows(const LightQuery& query, Pending* hit) const;
   bool Orient(const LightQuery& query, Pending* hit) const;
   void Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit) const;
@@ -103,7 +106,7 @@ class LayerLight {
 
   const BakeDomain& domain_;
   const DirectionGrid& grid_;
-  const FacetRows facet_rows_;
+  std::optional<FacetRows> facet_rows_;  ///< none: every vertex is baked, and nothing else
   const int layer_;
   const int lobes_;
   const uint32_t words_;  ///< of a row
@@ -112,7 +115,7 @@ class LayerLight {
   std::vector<SliceSampler> samplers_;
   std::vector<Triangle> triangles_;
   std::vector<Vertex> vertices_;
-  std::vector<Row> row_;
+  std::vector<Row> row_;       ///< with facet_rows_
   std::vector<Entry> absent_;  ///< as many as lobes: what a direction without an entry stands for
   std::vector<uint64_t> empty_row_;
   std::vector<std::vector<Entry>> packed_;  ///< of rows; their words take up entries, too

@@ -10,7 +10,6 @@
 #include <cmath>
 #include <glm/ext/vector_double3.hpp>
 #include <glm/geometric.hpp>
-#include <optional>
 
 #include "common/base/frame.h"
 #include "common/base/rng.h"
@@ -28,14 +27,16 @@ constexpr int kMaxDrawsPerRay = 16;
 class PaperGatherer : public Gatherer {
  public:
   PaperGatherer(const GatherInput& input, const BakeSettings& settings)
-      : input_(input), settings_(settings), samplers_(MakeSliceSamplers(input.domain.shapes)) {}
+      : input_(input),
+        settings_(settings),
+        surface_(input.domain, input.rays.epsilon()),
+        samplers_(MakeSliceSamplers(input.domain.shapes)) {}
 
   void BeginLayer(int layer, const LayerViews* previous, int threads) override {
     layer_ = layer;
-    surface_.emplace(input_.domain, input_.rays.epsilon());
     light_.reset();
     if (layer > 0)
-      light_ = std::make_unique<LayerLight>(input_.domain, input_.grid, previous, layer - 1, threads);
+      light_ = std::make_unique<LayerLight>(input_.domain, input_.grid, *previous, layer - 1, threads);
   }
 
   BlockResult Gather(const GatherBlock& block) override {
@@ -46,10 +47,9 @@ class PaperGatherer : public Gatherer {
     for (uint32_t v = block.first_vertex; v < block.first_vertex + block.vertices; ++v) {
       for (int slot = 0; slot < slots; ++slot) result.slots[slot].BeginRow();
       if (block.first_column == 0) result.slots.back().BeginRow();
-      if (!surface_->used(v)) continue;
+      if (!surface_.used(v)) continue;
       if (block.first_column == 0) GatherDiffuse(v, &fan, &result);
-      for (uint32_t column = block.first_column; column < block.first_column + block.columns;
-           column += block.column_step)
+      for (uint32_t column = block.first_column; column < block.first_column + block.columns; ++column)
         GatherSlices(v, column, &fan, &result);
     }
     return result;
@@ -68,7 +68,7 @@ class PaperGatherer : public Gatherer {
     const BakeVertex vertex = input_.domain.Row(v);
     const float cosine = glm::dot(vertex.normal, wo);
     if (cosine == 0 || (cosine < 0 && !vertex.double_sided)) return;
-    const VertexSide side = surface_->side(v, cosine < 0);
+    const VertexSide side = surface_.side(v, cosine < 0);
     const SliceSampler& sampler = samplers_[vertex.shape];
     const UnoccludedSlice slice(sampler, side.normal, wo);
     for (int k = 0; k < slice.lobes.lobes; ++k) {
@@ -89,7 +89,7 @@ class PaperGatherer : public Gatherer {
     const glm::vec3& diffuse = vertex.diffuse;
     if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
     for (int s = 0; s < (vertex.double_sided ? 2 : 1); ++s) {
-      const VertexSide side = surface_->side(v, s == 1);
+      const VertexSide side = surface_.side(v, s == 1);
       CounterRng rng(settings_.seed, vertex.node, 0xFFFF0000u | static_cast<uint32_t>(s),
                      static_cast<uint32_t>(layer_));
       TraceCosine(side, side.normal, &rng, fan);
@@ -131,7 +131,7 @@ class PaperGatherer : public Gatherer {
     fan->queries.clear();
     for (size_t i = 0; i < fan->rays.size(); ++i) {
       const Hit& hit = fan->hits[i];
-      if (hit.hit() && hit.t < surface_->touch_distance(v) && surface_->Incident(hit.triangle, v)) continue;
+      if (hit.hit() && hit.t < surface_.touch_distance(v) && surface_.Incident(hit.triangle, v)) continue;
       count += 1;
       if (!hit.hit()) {
         direct.visible += 1;
@@ -165,7 +165,7 @@ class PaperGatherer : public Gatherer {
 
   const GatherInput input_;
   const BakeSettings settings_;
-  std::optional<SurfaceVertices> surface_;
+  const SurfaceVertices surface_;
   std::vector<SliceSampler> samplers_;  ///< of input_.domain.shapes
   int layer_ = 0;
   std::unique_ptr<const LayerLight> light_;  ///< of the layer before

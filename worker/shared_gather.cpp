@@ -83,18 +83,16 @@ class SharedGatherer : public Gatherer {
 
   void BeginLayer(int layer, const LayerViews* previous, int threads) override {
     layout_.slice_lobes = settings_.StoredLobes(layer);
-    cache_.Turn();
     light_.reset();
     if (layer > 0)
-      light_ = std::make_unique<LayerLight>(input_.domain, input_.grid, previous, layer - 1, threads);
+      light_ = std::make_unique<LayerLight>(input_.domain, input_.grid, *previous, layer - 1, threads);
   }
 
   BlockResult Gather(const GatherBlock& block) override {
     BlockResult result;
     result.slots.resize(layout_.count());
     Scratch scratch;
-    // A block of some directions only is computed as it is told.
-    if (input_.grid.nested() && block.column_step == 1)
+    if (input_.grid.nested())
       scratch.refinement = std::make_unique<AngularRefinement>(input_.grid, layout_, light_ == nullptr,
                                                                settings_.angular_tolerance);
     for (uint32_t v = block.first_vertex; v < block.first_vertex + block.vertices; ++v)
@@ -119,8 +117,7 @@ class SharedGatherer : public Gatherer {
       RefineVertex(vertex.shape, {sides, static_cast<size_t>(side_count)}, block, scratch, result);
       return;
     }
-    for (uint32_t column = block.first_column; column < block.first_column + block.columns;
-         column += block.column_step) {
+    for (uint32_t column = block.first_column; column < block.first_column + block.columns; ++column) {
       const glm::vec3& wo = input_.grid.direction(column);
       const int s = glm::dot(vertex.normal, wo) > 0 ? 0 : 1;
       if (s >= side_count || glm::dot(sides[s].frame.n, wo) <= 0) continue;

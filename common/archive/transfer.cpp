@@ -315,26 +315,6 @@ void TransferReader::FindRows(TransferPoint* point) const {
 
 bool TransferReader::Prepare(uint32_t triangle, float u, float v, const glm::vec3& wo,
                              TransferPoint* point) const {
-  if (!PrepareSurface(triangle, u, v, wo, point)) return false;
-  FindRows(point);
-  WeighCorners(point);
-  return true;
-}
-
-bool TransferReader::Prepare(const SurfacePlace& place, const glm::vec3& wo, std::span<const RowWeight> rows,
-                             TransferPoint* point) const {
-  if (!PrepareSurface(place.triangle, place.u, place.v, wo, point)) return false;
-  point->rows = 0;
-  for (const RowWeight& row : rows) {
-    point->row[point->rows] = row.row;
-    point->row_weight[point->rows++] = row.value();
-  }
-  WeighCorners(point);
-  return true;
-}
-
-bool TransferReader::PrepareSurface(uint32_t triangle, float u, float v, const glm::vec3& wo,
-                                    TransferPoint* point) const {
   point->triangle = triangle;
   point->u = u;
   point->v = v;
@@ -343,6 +323,8 @@ bool TransferReader::PrepareSurface(uint32_t triangle, float u, float v, const g
   point->vertex_weight = {1 - u - v, u, v};
   if (!OrientNormal(triangle, point->vertex_weight, point)) return false;
   InterpolateReflectance(point->vertex_weight, point);
+  FindRows(point);
+  WeighCorners(point);
   return true;
 }
 

@@ -82,14 +82,10 @@ class TransferReader {
 
   /// False where nothing is reflected: seen from behind a single-sided surface.
   bool Prepare(uint32_t triangle, float u, float v, const glm::vec3& wo, TransferPoint* point) const;
-  /// The same as answered by these rows alone, whatever the domain says of who answers there.
-  bool Prepare(const SurfacePlace& place, const glm::vec3& wo, std::span<const RowWeight> rows,
-               TransferPoint* point) const;
   /// Lobes of layer `index` (0: direct) at the point.
   void Read(const TransferPoint& point, const LayerViews& layer, int index, LayerLobes* out) const;
 
  private:
-  bool PrepareSurface(uint32_t triangle, float u, float v, const glm::vec3& wo, TransferPoint* point) const;
   bool OrientNormal(uint32_t triangle, const std::array<float, 3>& barycentric, TransferPoint* point) const;
   void InterpolateReflectance(const std::array<float, 3>& barycentric, TransferPoint* point) const;
   /// Bake vertices around the point and their weights.

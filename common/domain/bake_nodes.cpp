@@ -117,12 +117,6 @@ Result<BakeNodes> SplitNodes(const BakeDomain& domain, std::vector<uint32_t> spl
   return nodes;
 }
 
-Digest HashNodes(const BakeNodes& nodes) {
-  if (nodes.every_vertex()) return {};
-  const std::vector<std::byte> bytes = EncodeNodes(nodes);
-  return Hasher().String("glint nodes").Bytes(bytes).Finish();
-}
-
 std::vector<std::byte> EncodeNodes(const BakeNodes& nodes) {
   NumberWriter out;
   if (nodes.every_vertex()) return out.Take();

@@ -5,7 +5,6 @@
 #include <span>
 #include <vector>
 
-#include "common/base/hash.h"
 #include "common/base/status.h"
 #include "common/domain/facet_tree.h"
 
@@ -48,9 +47,6 @@ std::vector<uint32_t> WeldVertices(const BakeDomain& domain);
 
 /// Nodes in which `splits` are done, and nothing is baked yet. Errors: FacetTree::Make's.
 Result<BakeNodes> SplitNodes(const BakeDomain& domain, std::vector<uint32_t> splits);
-
-/// Hash of what is baked and where; zeros for every_vertex().
-Digest HashNodes(const BakeNodes& nodes);
 
 /// Bytes of an archive's section, and back, for a domain that has all but its nodes. Every index is checked.
 /// Bytes: docs/archive-format.md.

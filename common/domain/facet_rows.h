@@ -33,8 +33,6 @@ class FacetRows {
     const uint32_t part = facets_->Locate(triangle, weight);
     return {rows_.data() + first_[part], first_[part + 1] - first_[part]};
   }
-  /// For fetching ahead, where nothing is split.
-  const Row* Begin(uint32_t triangle) const { return rows_.data() + first_[triangle]; }
 
  private:
   void AddFacet(const BakeDomain& domain, const std::array<uint32_t, 3>& corners);

@@ -14,7 +14,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr int kVersion = 2;
+constexpr int kVersion = 1;
 constexpr size_t kMaxExecution = 1024;  ///< characters
 constexpr int kMaxLayer = 255;
 
@@ -54,20 +54,18 @@ class FieldReader {
 };
 
 Result<GatherBlock> ParseBlock(const Json& json, uint32_t columns) {
-  uint64_t numbers[5] = {};  // zero vertices, where there are none, are out of range below
-  const bool five =
-      json.is_array() && json.size() == 5 &&
+  uint64_t numbers[4] = {};  // zero vertices, where there are none, are out of range below
+  const bool four =
+      json.is_array() && json.size() == 4 &&
       std::all_of(json.begin(), json.end(), [](const Json& n) { return n.is_number_unsigned(); });
-  for (size_t i = 0; five && i < 5; ++i) numbers[i] = json[i].get<uint64_t>();
-  const auto [first_vertex, vertices, first_column, block_columns, step] = numbers;
+  for (size_t i = 0; four && i < 4; ++i) numbers[i] = json[i].get<uint64_t>();
+  const auto [first_vertex, vertices, first_column, block_columns] = numbers;
   const bool in_range = first_vertex < kNone && vertices > 0 && vertices <= kNone - first_vertex &&
                         first_column < columns && block_columns > 0 &&
-                        block_columns <= columns - first_column && step > 0 && step <= columns;
-  if (!in_range)
-    return BadInput("not [first vertex, vertices, first column, columns, step of columns] within the grid");
+                        block_columns <= columns - first_column;
+  if (!in_range) return BadInput("not [first vertex, vertices, first column, columns] within the grid");
   return GatherBlock{static_cast<uint32_t>(first_vertex), static_cast<uint32_t>(vertices),
-                     static_cast<uint32_t>(first_column), static_cast<uint32_t>(block_columns),
-                     static_cast<uint32_t>(step)};
+                     static_cast<uint32_t>(first_column), static_cast<uint32_t>(block_columns)};
 }
 
 Status ParseBlocks(const Json& json, int grid_level, std::vector<GatherBlock>* blocks) {
@@ -90,22 +88,21 @@ Status ParseBlocks(const Json& json, int grid_level, std::vector<GatherBlock>* b
 }  // namespace
 
 TaskSpec RoundManifest::Task(size_t index) const {
-  return {TaskKey(Bake(), nodes, layer, blocks[index], previous), layer, blocks[index]};
+  return {TaskKey(Bake(), layer, blocks[index], previous), layer, blocks[index]};
 }
 
 Digest RoundManifest::InputKey() const {
-  return Hasher().String("round input").Add(Bake()).Add(nodes).Add(layer).Add(previous).Finish();
+  return Hasher().String("round input").Add(Bake()).Add(layer).Add(previous).Finish();
 }
 
 std::string ToJson(const RoundManifest& manifest) {
   Json json = {{"version", kVersion}, {"execution", manifest.execution}, {"scene", manifest.scene.Hex()}};
   json["settings"] = SettingsToJson(manifest.settings);
-  json["nodes"] = manifest.nodes.Hex();
   json["layer"] = manifest.layer;
   json["previous"] = manifest.previous.Hex();
   Json& tasks = json["tasks"] = Json::array();
   for (const GatherBlock& b : manifest.blocks)
-    tasks.push_back({b.first_vertex, b.vertices, b.first_column, b.columns, b.column_step});
+    tasks.push_back({b.first_vertex, b.vertices, b.first_column, b.columns});
   return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
@@ -118,7 +115,6 @@ Result<RoundManifest> ParseRoundManifest(std::span<const std::byte> text) {
   RoundManifest manifest;
   manifest.execution = in.Text("execution", kMaxExecution);
   manifest.scene = in.Hash("scene");
-  manifest.nodes = in.Hash("nodes");
   manifest.layer = in.Number("layer", 0, kMaxLayer);
   manifest.previous = in.Hash("previous");
   GLINT_RETURN_IF_ERROR(in.status());

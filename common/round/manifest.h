@@ -18,9 +18,8 @@ struct RoundManifest {
   std::string execution;  ///< ExecutionId() that computes it
   Digest scene;           ///< Scene::content
   BakeSettings settings;
-  Digest nodes;  ///< HashNodes() of what is baked
   int layer = 0;
-  Digest previous;                  ///< digest of the layer before; zero without one
+  Digest previous;                  ///< digest of the layer before; zero in layer 0
   std::vector<GatherBlock> blocks;  ///< of task 0, 1, ...
 
   Digest Bake() const { return BakeKey(execution, scene, settings); }

@@ -9,18 +9,15 @@ Digest BakeKey(const std::string& execution, const Digest& scene, const BakeSett
   return hasher.Finish();
 }
 
-Digest TaskKey(const Digest& bake_key, const Digest& nodes, int layer, const GatherBlock& block,
-               const Digest& previous) {
+Digest TaskKey(const Digest& bake_key, int layer, const GatherBlock& block, const Digest& previous) {
   return Hasher()
       .String("task")
       .Add(bake_key)
-      .Add(nodes)
       .Add(layer)
       .Add(block.first_vertex)
       .Add(block.vertices)
       .Add(block.first_column)
       .Add(block.columns)
-      .Add(block.column_step)
       .Add(previous)
       .Finish();
 }

@@ -19,9 +19,7 @@ struct TaskSpec {
 /// @param scene      Scene::content
 Digest BakeKey(const std::string& execution, const Digest& scene, const BakeSettings& settings);
 
-/// @param nodes     HashNodes() of the round's
-/// @param previous  digest of the layer before; zero in layer 0, and where nothing is known of it
-Digest TaskKey(const Digest& bake_key, const Digest& nodes, int layer, const GatherBlock& block,
-               const Digest& previous);
+/// @param previous  digest of the layer before; zero in layer 0
+Digest TaskKey(const Digest& bake_key, int layer, const GatherBlock& block, const Digest& previous);
 
 }  // namespace glint

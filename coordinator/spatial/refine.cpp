@@ -9,7 +9,6 @@
 #include <numeric>
 #include <utility>
 
-#include "common/base/parallel.h"
 #include "common/scene/ray_scene.h"
 #include "coordinator/spatial/predictions.h"
 #include "coordinator/spatial/vertex_hierarchy.h"
@@ -33,8 +32,12 @@ std::vector<uint32_t> SameNodes(const std::vector<uint32_t>& welded, const Facet
 
 class Refinement {
  public:
-  Refinement(const RefinementInput& input, const RayScene& rays, BakeDomain* domain)
-      : input_(input), domain_(*domain), hierarchy_(BuildHierarchy(domain_)), masks_(domain_, rays) {
+  Refinement(const BakeSettings& settings, int threads, const RayScene& rays, BakeDomain* domain)
+      : settings_(settings),
+        threads_(threads),
+        domain_(*domain),
+        hierarchy_(BuildHierarchy(domain_)),
+        masks_(domain_, rays) {
     predictions_.Resize(domain_.vertex_count());
     double diagonal = 0;
     if (!domain_.positions.empty()) {
@@ -42,7 +45,7 @@ class Refinement {
       for (const glm::vec3& p : domain_.positions) low = glm::min(low, p), high = glm::max(high, p);
       diagonal = glm::length(glm::dvec3(high) - glm::dvec3(low));
     }
-    shortest_ = diagonal * input.settings.smallest_edge;
+    shortest_ = diagonal * settings.smallest_edge;
     used_.assign(domain_.vertex_count(), 0);
     for (const auto& t : domain_.triangles) {
       total_area_ += Area(t);
@@ -57,6 +60,7 @@ class Refinement {
     const std::vector<uint32_t> same = SameNodes(hierarchy_.welded, domain_.nodes.facets);
     domain_.nodes = predictions_.Finish(domain_, same);
     report_.levels = static_cast<uint32_t>(hierarchy_.levels);
+    report_.tested = masks_.known();
     report_.baked = domain_.nodes.rows.size();
     report_.middles = domain_.nodes.facets.middles().size();
     report_.degenerate = hierarchy_.degenerate;
@@ -65,7 +69,7 @@ class Refinement {
   }
 
  private:
-  /// A node to be tested, what it would be predicted from, and the surface that it stands for.
+  /// A node that may be baked, what it would be predicted from, and the surface that it stands for.
   struct Candidate {
     uint32_t node;
     std::vector<Parent> parents;
@@ -79,30 +83,23 @@ class Refinement {
                                         glm::dvec3(domain_.NodePosition(corner[2])) - a));
   }
   double Tolerance2() const {
-    return static_cast<double>(input_.settings.spatial_tolerance) * input_.settings.spatial_tolerance;
+    return static_cast<double>(settings_.spatial_tolerance) * settings_.spatial_tolerance;
   }
   /// How much an error over this area matters: in full where a bake vertex stands for as much on average.
   double Share(double area) const {
     return std::min(1.0, area * static_cast<double>(predictions_.baked()) / total_area_);
   }
-  bool Full() const {
-    return input_.settings.max_vertices > 0 && predictions_.baked() >= input_.settings.max_vertices;
-  }
+  bool Full() const { return settings_.max_vertices > 0 && predictions_.baked() >= settings_.max_vertices; }
 
   void BakeCoarsest() {
     std::vector<uint32_t> nodes;
     for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
       if (hierarchy_.welded[v] == v && hierarchy_.level[v] == 0 && used_[v]) nodes.push_back(v);
-    Look(nodes);
+    masks_.Look(nodes, threads_);
     for (const uint32_t v : nodes) predictions_.Bake(v, masks_.Dark(v));
   }
 
-  void Look(const std::vector<uint32_t>& nodes) {
-    ++report_.rounds;
-    report_.tested += nodes.size();
-    masks_.Look(nodes, input_.threads);
-  }
-
+  /// A level's vertices: they are baked, or predicted from those of the levels before.
   void RefineLevel(int level) {
     std::vector<Candidate> candidates;
     for (uint32_t v = 0; v < domain_.vertex_count(); ++v) {
@@ -118,7 +115,7 @@ class Refinement {
     if (candidates.empty() || Full()) return;
     std::vector<uint32_t> nodes;
     for (const Candidate& c : candidates) nodes.push_back(c.node);
-    Look(nodes);
+    masks_.Look(nodes, threads_);
     for (Candidate& c : candidates)
       c.weighed = Share(c.area) * kOfUnlike * masks_.SquareError(c.node, predictions_.Combine(c.parents));
     std::stable_sort(candidates.begin(), candidates.end(),
@@ -156,7 +153,7 @@ class Refinement {
       large.push_back(face);
       for (const uint32_t c : corner) looked.push_back(Same(c));
     }
-    masks_.Look(looked, input_.threads);
+    masks_.Look(looked, threads_);
     for (const uint32_t face : large) {
       const double area = Area(Corners(face));
       if (area > kLargeFace * total_area_ || Expected(Corners(face)) * Share(area) > Tolerance2())
@@ -232,7 +229,8 @@ class Refinement {
     return glm::length(glm::dvec3(domain_.NodePosition(a)) - glm::dvec3(domain_.NodePosition(b)));
   }
 
-  const RefinementInput& input_;
+  const BakeSettings& settings_;
+  const int threads_;
   BakeDomain& domain_;
   const VertexHierarchy hierarchy_;
   VisibilityMasks masks_;
@@ -245,10 +243,10 @@ class Refinement {
 
 }  // namespace
 
-Result<RefinementReport> RefineVertices(const RefinementInput& input, BakeDomain* domain) {
+Result<RefinementReport> RefineVertices(const BakeSettings& settings, int threads, BakeDomain* domain) {
   const RayScene rays(domain->positions, domain->triangles, 1);
   GLINT_RETURN_IF_ERROR(rays.status());
-  return Refinement(input, rays, domain).Run();
+  return Refinement(settings, threads, rays, domain).Run();
 }
 
 Status SubdivideEvenly(int times, BakeDomain* domain) {

@@ -13,6 +13,8 @@ namespace {
 
 constexpr uint8_t kBelow = 0, kOutside = 1, kInside = 2, kFirstPiece = 3;
 
+constexpr float kGrazing = 0.02f;   ///< cosine; lower directions are not looked at
+constexpr float kRise = 4;          ///< of the rays' origins, in epsilons
 constexpr float kDepthSteps = 8;    ///< to the octave
 constexpr double kLikeDepth = 2.6;  ///< of these: a quarter of the distance
 constexpr double kLikeTurn = 0.7;   ///< cosine
@@ -65,21 +67,22 @@ void VisibilityMasks::Look(std::span<const uint32_t> nodes, int threads) {
   std::vector<uint32_t> unknown;
   for (const uint32_t node : nodes)
     if (!known_[node]) known_[node] = 1, unknown.push_back(node);
+  known_count_ += unknown.size();
   ParallelFor(unknown.size(), threads, 64, [&](size_t i, int) { masks_[unknown[i]] = Trace(unknown[i]); });
 }
 
 VisibilityMasks::Mask VisibilityMasks::Trace(uint32_t node) const {
-  const glm::vec3 normal = domain_.Node(node).normal;
+  const BakeVertex vertex = domain_.Node(node);
   const glm::vec3 origin = domain_.NodePosition(node);
   Mask mask{};
   Ray ray;
   for (int d = 0; d < kDirections; ++d) {
+    const float cosine = glm::dot(vertex.normal, directions_[d]);
     mask[d] = {kBelow, 0, {}};
-    if (glm::dot(normal, directions_[d]) <= 0.02f) continue;
-    ray.origin = origin + 4 * rays_.epsilon() * normal;
+    if (std::abs(cosine) <= kGrazing || (cosine < 0 && !vertex.double_sided)) continue;
+    ray.origin = origin + std::copysign(kRise * rays_.epsilon(), cosine) * vertex.normal;
     ray.direction = directions_[d];
-    const Hit hit = rays_.Intersect(ray);
-    mask[d] = Seen(hit, ray.direction);
+    mask[d] = Seen(rays_.Intersect(ray), ray.direction);
   }
   return mask;
 }
@@ -105,31 +108,34 @@ double VisibilityMasks::SquareError(uint32_t node, std::span<const Parent> predi
   double sum = 0;
   int above = 0;
   for (int d = 0; d < kDirections; ++d) {
-    const Sight& seen = masks_[node][d];
-    if (seen.what == kBelow) continue;
+    if (masks_[node][d].what == kBelow) continue;
     ++above;
-    double other = 0, same = 0, depth = 0;
-    glm::dvec3 normal(0);
-    for (const Parent& p : prediction) {
-      const Sight& s = masks_[p.node][d];
-      if (s.what == kBelow) continue;
-      if (s.what != seen.what) {
-        other += p.weight;
-        continue;
-      }
-      same += p.weight;
-      depth += p.weight * s.depth;
-      normal += double{p.weight} * glm::dvec3(s.normal[0], s.normal[1], s.normal[2]);
-    }
-    const double all = other + same;
-    if (all <= 0) continue;
-    const glm::dvec3 own(seen.normal[0], seen.normal[1], seen.normal[2]);
-    const bool alike = std::abs(depth - same * seen.depth) <= kLikeDepth * same &&
-                       glm::dot(normal, own) >= kLikeTurn * glm::length(normal) * glm::length(own);
-    const double wrong = (other + (alike ? 0 : kShape * same)) / all;
+    const double wrong = Wrong(node, d, prediction);
     sum += wrong * wrong;
   }
   return above > 0 ? sum / above : 0;
+}
+
+double VisibilityMasks::Wrong(uint32_t node, int direction, std::span<const Parent> prediction) const {
+  const Sight& seen = masks_[node][direction];
+  double other = 0, same = 0, depth = 0;
+  glm::dvec3 normal(0);
+  for (const Parent& p : prediction) {
+    const Sight& s = masks_[p.node][direction];
+    if (s.what == kBelow) continue;
+    if (s.what != seen.what) {
+      other += p.weight;
+      continue;
+    }
+    same += p.weight;
+    depth += p.weight * s.depth;
+    normal += double{p.weight} * glm::dvec3(s.normal[0], s.normal[1], s.normal[2]);
+  }
+  if (other + same <= 0) return 0;
+  const glm::dvec3 own(seen.normal[0], seen.normal[1], seen.normal[2]);
+  const bool alike = std::abs(depth - same * seen.depth) <= kLikeDepth * same &&
+                     glm::dot(normal, own) >= kLikeTurn * glm::length(normal) * glm::length(own);
+  return (other + (alike ? 0 : kShape * same)) / (other + same);
 }
 
 bool VisibilityMasks::Dark(uint32_t node) const {

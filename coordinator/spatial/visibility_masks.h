@@ -24,6 +24,8 @@ class VisibilityMasks {
   void Turn();
   /// Sees to it that these nodes' masks are known.
   void Look(std::span<const uint32_t> nodes, int threads);
+  /// Nodes whose masks are known.
+  uint64_t known() const { return known_count_; }
   /// Square of how much two nodes differ in what they see: the mean over the directions above both horizons
   /// of 1 where it is not the same thing, kShape^2 where that is at another depth or turned away.
   double Difference(uint32_t a, uint32_t b) const;
@@ -44,6 +46,8 @@ class VisibilityMasks {
   using Mask = std::array<Sight, kDirections>;
   Mask Trace(uint32_t node) const;
   Sight Seen(const Hit& hit, const glm::vec3& direction) const;
+  /// Weight, 0 to 1, of what a prediction gets wrong of one direction.
+  double Wrong(uint32_t node, int direction, std::span<const Parent> prediction) const;
 
   const BakeDomain& domain_;
   const RayScene& rays_;
@@ -51,6 +55,7 @@ class VisibilityMasks {
   std::vector<uint8_t> piece_;  ///< of each triangle: of the connected piece that it belongs to, 2 and up
   std::vector<Mask> masks_;     ///< of each node
   std::vector<uint8_t> known_;
+  uint64_t known_count_ = 0;
 };
 
 }  // namespace glint

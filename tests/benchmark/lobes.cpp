@@ -81,13 +81,12 @@ class LobeBenchmark {
         input_{domain_, rays_, grid_},
         cache_(input_, settings_, uint64_t{2} << 30),
         samplers_(MakeSliceSamplers(domain_.shapes)) {
-    cache_.Turn();
     for (const char* name : kSkyNames) skies_.emplace_back(*Environment::Procedural(name));
   }
 
   void Run(int layer, int slices) {
     if (layer > 0)
-      light_ = std::make_unique<LayerLight>(domain_, grid_, &archive_.layers()[layer - 1], layer - 1, 0);
+      light_ = std::make_unique<LayerLight>(domain_, grid_, archive_.layers()[layer - 1], layer - 1, 0);
     std::vector<Result> results(static_cast<size_t>(slices));
     ParallelFor(results.size(), 0, 1, [&](size_t i, int) {
       Measure(CounterRng(1, static_cast<uint32_t>(i), static_cast<uint32_t>(layer), 0x4C6F6265u),

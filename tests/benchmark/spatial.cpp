@@ -61,7 +61,7 @@ void Run(const Scene& scene, const std::string& name, const BakeOptions& options
   const RayScene rays(scene);
   const ErrorEstimate estimate =
       Need(EstimateError(archive.domain(), rays, DirectionGrid(archive.grid_level()), archive.layers(),
-                         {slices, options.settings.seed, options.settings.drop, options.threads}));
+                         {slices, options.settings.seed, options.settings.read_out(), options.threads}));
   std::printf("| %s | %g | %d | %llu | %llu | %llu | %.1f | %.2f | %.3f +- %.3f |", name.c_str(),
               options.settings.spatial_tolerance, options.settings.subdivide,
               static_cast<unsigned long long>(report.vertices),

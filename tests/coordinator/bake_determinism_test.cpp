@@ -83,18 +83,17 @@ TEST_P(BakeDeterminismTest, ThreadsPartitionAndMemoryDoNotShow) {
 
 INSTANTIATE_TEST_SUITE_P(
     Scenes, BakeDeterminismTest,
-    testing::Values(Case{"SharedKnot", GatherMethod::kShared, [] { return Generated("knot"); }},
-                    Case{"PaperKnot", GatherMethod::kPaper, [] { return Generated("knot"); }},
-                    Case{"SharedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); }},
-                    Case{"PaperPaint", GatherMethod::kPaper, [] { return GeneratedPaint("planes"); }},
-                    Case{"NestedKnot", GatherMethod::kShared, [] { return Generated("knot"); }, 0.05f},
-                    Case{"NestedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); },
-                         0.05f},
-                    Case{"RefinedFloor", GatherMethod::kShared, BallOnFloor, 0, 0.2f},
-                    Case{"RefinedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); }, 0,
-                         0.2f},
-                    Case{"RefinedPaper", GatherMethod::kPaper, BallOnFloor, 0, 0.2f},
-                    Case{"RefinedNestedFloor", GatherMethod::kShared, BallOnFloor, 0.05f, 0.2f}),
+    testing::Values(
+        Case{"SharedKnot", GatherMethod::kShared, [] { return Generated("knot"); }},
+        Case{"PaperKnot", GatherMethod::kPaper, [] { return Generated("knot"); }},
+        Case{"SharedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); }},
+        Case{"PaperPaint", GatherMethod::kPaper, [] { return GeneratedPaint("planes"); }},
+        Case{"NestedKnot", GatherMethod::kShared, [] { return Generated("knot"); }, 0.05f},
+        Case{"NestedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); }, 0.05f},
+        Case{"RefinedFloor", GatherMethod::kShared, BallOnFloor, 0, 0.2f},
+        Case{"RefinedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); }, 0, 0.2f},
+        Case{"RefinedPaper", GatherMethod::kPaper, BallOnFloor, 0, 0.2f},
+        Case{"RefinedNestedFloor", GatherMethod::kShared, BallOnFloor, 0.05f, 0.2f}),
     [](const auto& c) { return std::string(c.param.name); });
 
 TEST(BakeSettingsTest, WhatDecidesTheResultShows) {
@@ -217,8 +216,7 @@ TEST(MergeLayerTest, OrderOfTasksDoesNotShow) {
     for (const TaskSpec& task : order)
       ASSERT_TRUE((*executor)->Run({{&task, 1}, nullptr}, [&](size_t, bool there) { done += !there; }).ok());
     EXPECT_EQ(done, tasks.size());
-    const Result<Layer> layer =
-        MergeLayer(*store, tasks, domain, grid, settings, TableForm::kCompact, 2);
+    const Result<Layer> layer = MergeLayer(*store, tasks, domain, grid, settings, TableForm::kCompact, 2);
     ASSERT_TRUE(layer.ok()) << layer.status().message();
     digests.push_back(layer->digest);
     EXPECT_GT(layer->stored[0], 0u);

@@ -68,8 +68,6 @@ TEST(BakeNodesTest, SurviveTheirBytes) {
   const Result<BakeNodes> read = DecodeNodes(bytes, domain, nodes.rows.size());
   ASSERT_TRUE(read.ok()) << read.status().message();
   EXPECT_EQ(EncodeNodes(*read), bytes);
-  EXPECT_EQ(HashNodes(*read), HashNodes(nodes));
-  EXPECT_NE(HashNodes(nodes), Digest{});
   EXPECT_EQ(read->facets.middles().size(), nodes.facets.middles().size());
 }
 
@@ -201,7 +199,7 @@ TEST(BakeNodesTest, RowsAreTheSameFromBothSidesOfAnEdge) {
 TEST(BakeNodesTest, EveryVertexAnswersForItself) {
   const BakeDomain domain = Planes();
   EXPECT_TRUE(domain.nodes.every_vertex());
-  EXPECT_EQ(HashNodes(domain.nodes), Digest{});
+  EXPECT_TRUE(EncodeNodes(domain.nodes).empty());
   EXPECT_EQ(domain.row_count(), domain.vertex_count());
   const FacetRows rows(domain);
   std::array<float, 3> weight = {0.5f, 0.25f, 0.25f};

@@ -77,7 +77,8 @@ TEST(FacetTreeTest, WeightsGiveThePlaceBack) {
       std::array<float, 3> weight = {1 - u - v, u, v};
       const uint32_t part = tree.Locate(triangle, &weight);
       ASSERT_TRUE(tree.is_facet(part));
-      // A middle's place is told on one of its triangles; only facets with all corners on this one are checked.
+      // A middle's place is told on one of its triangles; only facets with all corners on this one are
+      // checked.
       std::array<float, 3> place{};
       bool here = true;
       for (int c = 0; c < 3; ++c) {

@@ -124,7 +124,7 @@ class LookUp {
   HitLight Gathered(float u, float v, const glm::vec3& wo) const {
     HitLight light;
     const LightQuery query{0, u, v, wo};
-    LayerLight(domain_, grid_, &views_, 1, 1).Look(std::span(&query, 1), &light);
+    LayerLight(domain_, grid_, views_, 1, 1).Look(std::span(&query, 1), &light);
     return light;
   }
 

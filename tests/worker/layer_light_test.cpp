@@ -91,7 +91,7 @@ class LayerLightTest : public testing::Test {
   };
 
   Difference FromReader(int layer, const std::vector<LightQuery>& queries) const {
-    const LayerLight light(domain_, grid_, &layers_[layer]->views, layer, 2);
+    const LayerLight light(domain_, grid_, layers_[layer]->views, layer, 2);
     std::vector<HitLight> answers(queries.size());
     light.Look(queries, answers.data());
     const TransferReader reader(domain_, grid_);
@@ -133,7 +133,7 @@ TEST_F(GgxLayerLightTest, AnswersAsTheReaderOfPictures) { ExpectReadersAgree(); 
 
 TEST_F(LayerLightTest, OneByOneIsAsInBatches) {
   const std::vector<LightQuery> queries = RandomQueries(500);
-  const LayerLight light(domain_, grid_, &layers_[1]->views, 1, 1);
+  const LayerLight light(domain_, grid_, layers_[1]->views, 1, 1);
   std::vector<HitLight> together(queries.size());
   light.Look(queries, together.data());
   for (size_t i = 0; i < queries.size(); ++i) {
@@ -148,8 +148,8 @@ TEST_F(LayerLightTest, OneByOneIsAsInBatches) {
 TEST_F(LayerLightTest, ThreadsDoNotShow) {
   const std::vector<LightQuery> queries = RandomQueries(500);
   std::vector<HitLight> one(queries.size()), three(queries.size());
-  LayerLight(domain_, grid_, &layers_[0]->views, 0, 1).Look(queries, one.data());
-  LayerLight(domain_, grid_, &layers_[0]->views, 0, 3).Look(queries, three.data());
+  LayerLight(domain_, grid_, layers_[0]->views, 0, 1).Look(queries, one.data());
+  LayerLight(domain_, grid_, layers_[0]->views, 0, 3).Look(queries, three.data());
   for (size_t i = 0; i < queries.size(); ++i) {
     EXPECT_EQ(one[i].alpha, three[i].alpha);
     EXPECT_EQ(one[i].moment, three[i].moment);
