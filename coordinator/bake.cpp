@@ -21,6 +21,7 @@
 #include "coordinator/layer.h"
 #include "coordinator/local_executor.h"
 #include "coordinator/round_plan.h"
+#include "coordinator/spatial/refine.h"
 #include "coordinator/work_folder.h"
 #include "worker/execution_id.h"
 
@@ -110,7 +111,7 @@ Result<Layer> BakeLayer(const std::vector<TaskSpec>& tasks, const Layer* previou
                         const BakeDomain& domain, const DirectionGrid& grid, const BakeOptions& options,
                         int threads, Executor* executor, Progress* progress) {
   const std::string name = "layer " + std::to_string(tasks.front().layer);
-  const double slices_per_task = 0.5 * static_cast<double>(domain.vertex_count()) * grid.size() *
+  const double slices_per_task = 0.5 * static_cast<double>(domain.row_count()) * grid.size() *
                                  domain.max_lobes() / static_cast<double>(tasks.size());
   for (int attempt = 0;; ++attempt) {
     progress->Stage(name, tasks.size(), slices_per_task);
@@ -163,6 +164,28 @@ Result<ErrorEstimate> Estimate(const BakeDomain& domain, const DirectionGrid& gr
                        {slices, options.settings.seed, options.settings.read_out(), threads});
 }
 
+/// Notes about input that refinement left alone.
+void Describe(const RefinementReport& refinement, std::vector<std::string>* notes) {
+  if (refinement.degenerate > 0)
+    notes->push_back(std::to_string(refinement.degenerate) +
+                     " triangles have two corners in one place; refinement passed them over");
+  if (refinement.non_manifold > 0)
+    notes->push_back(std::to_string(refinement.non_manifold) +
+                     " triangles do not join up with those around them (edges of three or more, or turned "
+                     "inside out); all of their vertices are baked");
+}
+
+/// Decides where transfer is known; every vertex of the mesh where the settings say nothing.
+Status PlaceVertices(const BakeSettings& settings, int threads, BakeDomain* domain, BakeReport* report) {
+  if (settings.subdivide > 0) GLINT_RETURN_IF_ERROR(SubdivideEvenly(settings.subdivide, domain));
+  if (settings.spatial_tolerance > 0) {
+    GLINT_ASSIGN_OR_RETURN(report->refinement, RefineVertices(settings, threads, domain));
+    Describe(*report->refinement, &report->notes);
+  }
+  report->baked_vertices = domain->row_count();
+  return {};
+}
+
 /// An archive's geometry holds at most three vertices a triangle. Scenes from files have no others.
 Status CheckVertices(const Scene& scene, const std::string& name) {
   if (scene.positions.size() <= 3 * scene.triangles.size()) return {};
@@ -179,6 +202,8 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
     return UsageError("indirect layers: " + std::to_string(options.max_layers) + " is not 0 to " +
                       std::to_string(kMaxIndirectLayers));
   }
+  if (options.settings.spatial_tolerance > 0 && options.settings.subdivide > 0)
+    return UsageError("faces are either subdivided evenly or refined up to a tolerance: choose one");
   GLINT_RETURN_IF_ERROR(CheckVertices(scene, name));
   const int threads = ResolveThreadCount(options.threads);
   const Digest bake_key = BakeKey(ExecutionId(), scene.content, options.settings);
@@ -195,12 +220,14 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
   Progress progress(callback, &report);
 
   progress.Stage("fit");
-  const BakeDomain domain = BuildBakeDomain(scene, options.settings.fit, threads);
+  BakeDomain domain = BuildBakeDomain(scene, options.settings.fit, threads);
   report.notes.insert(report.notes.end(), domain.notes.begin(), domain.notes.end());
   const DirectionGrid grid(options.settings.grid_level, options.settings.BaseLevel());
   report.vertices = domain.vertex_count();
   report.triangles = domain.triangles.size();
   report.directions = grid.size();
+  progress.Stage("place");
+  GLINT_RETURN_IF_ERROR(PlaceVertices(options.settings, threads, &domain, &report));
 
   const uint64_t memory = options.memory_bytes ? options.memory_bytes : UsableMemory() / 4;
   const auto make_executor = options.make_executor ? options.make_executor : MakeLocalExecutor;

@@ -15,6 +15,7 @@
 #include "common/scene/load.h"
 #include "coordinator/error_estimate.h"
 #include "coordinator/executor.h"
+#include "coordinator/spatial/refine.h"
 
 namespace glint {
 
@@ -65,7 +66,7 @@ struct BakeOptions {
 
 /// State of a running bake.
 struct BakeProgress {
-  std::string stage;  ///< "load", "fit", "layer 0", ..., "estimate", "write"
+  std::string stage;  ///< "load", "fit", "place", "layer 0", ..., "estimate", "write"
   size_t done = 0, tasks = 0;
   size_t found = 0;   ///< of those done: their result was there
   uint64_t rays = 0;  ///< of the layers that are merged
@@ -86,6 +87,8 @@ struct BakeReport {
   std::string scene;
   Digest archive_key;
   uint64_t vertices = 0, triangles = 0, directions = 0, rays = 0;
+  uint64_t baked_vertices = 0;
+  std::optional<RefinementReport> refinement;  ///< none if all of the mesh's vertices are baked
   std::vector<LayerReport> layers;
   std::optional<ErrorEstimate> error;  ///< none if not asked for
   bool complete = false;               ///< no further layer carries the tolerance's part of the light
@@ -97,10 +100,10 @@ struct BakeReport {
   std::string deterministic_json, json;
 };
 
-/// Bakes a scene file into an archive: load, fit, direct and indirect layers, merge, estimate, write. Stopped
-/// by a signal (kInterrupted) or killed at any moment, the same call goes on where it was. With a target, of
-/// the report there are only JSON, key, bytes and seconds. Errors: those of LoadScene and RefineToTarget;
-/// kUsage for max_layers; kIo for the output or the work folder; kInterrupted.
+/// Bakes a scene file into an archive: load, fit, place vertices, direct and indirect layers, merge,
+/// estimate, write. Stopped by a signal (kInterrupted) or killed at any moment, the same call goes on where
+/// it was. With a target, of the report there are only JSON, key, bytes and seconds. Errors: those of
+/// LoadScene and RefineToTarget; kUsage for max_layers; kIo for the output or the work folder; kInterrupted.
 Result<BakeReport> Bake(const std::filesystem::path& scene_path, const std::filesystem::path& out_path,
                         const BakeOptions& options, const BakeProgressCallback& progress = {});
 

@@ -50,9 +50,21 @@ Json DescribeSettings(const BakeOptions& options) {
                {"seed", s.seed},
                {"fit_max_lobes", s.fit.max_lobes},
                {"fit_tolerance", s.fit.tolerance},
+               {"spatial_tolerance", s.spatial_tolerance},
+               {"smallest_edge", s.smallest_edge},
+               {"max_vertices", s.max_vertices},
+               {"subdivide", s.subdivide},
                {"max_layers", options.max_layers},
                {"layer_tolerance", options.layer_tolerance}});
   return json;
+}
+
+Json DescribeRefinement(const RefinementReport& r) {
+  return {{"levels", r.levels},
+          {"tested", r.tested},
+          {"middles", r.middles},
+          {"degenerate_triangles", r.degenerate},
+          {"non_manifold_triangles", r.non_manifold}};
 }
 
 /// Slices with exactly 1, 2, ... lobes.
@@ -73,6 +85,8 @@ std::string DeterministicReportJson(const BakeReport& report, const BakeDomain& 
   Json json = {{"scene", report.scene},         {"vertices", report.vertices},
                {"triangles", report.triangles}, {"directions", report.directions},
                {"rays", report.rays},           {"execution", report.execution}};
+  json["baked_vertices"] = report.baked_vertices;
+  if (report.refinement) json["refinement"] = DescribeRefinement(*report.refinement);
   json["settings"] = DescribeSettings(options);
   for (const BrdfShape& shape : domain.shapes) json["brdfs"].push_back(DescribeShape(shape));
   for (const LayerReport& layer : report.layers)

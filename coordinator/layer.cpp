@@ -153,13 +153,13 @@ std::vector<float> SliceParts(const LayerViews& views, uint32_t slot, int layer_
 }
 
 /// Fills in the parts of slices that a nested table leaves out.
-void Predict(const BakeDomain& domain, const DirectionGrid& grid, const SliceTableView& table, uint32_t v,
+void Predict(const glm::vec3& normal, const DirectionGrid& grid, const SliceTableView& table, uint32_t v,
              std::vector<float>* parts) {
   const SliceTableView::RowView row = table.Row(v);
   if (row.empty()) return;
   for (const float side : {1.0f, -1.0f})
     ForEachPredicted(
-        grid, [&](uint32_t d) { return side * glm::dot(domain.normals[v], grid.direction(d)) > 0; },
+        grid, [&](uint32_t d) { return side * glm::dot(normal, grid.direction(d)) > 0; },
         [&](uint32_t d) { return row.Find(d) != nullptr; },
         [&](uint32_t d, const std::array<uint32_t, 2>& ends, const std::array<float, 2>& share) {
           (*parts)[d] = share[0] * (*parts)[ends[0]] + share[1] * (*parts)[ends[1]];
@@ -169,7 +169,9 @@ void Predict(const BakeDomain& domain, const DirectionGrid& grid, const SliceTab
 VertexEnergy MeasureVertex(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views,
                            int layer_index, uint32_t v) {
   VertexEnergy energy;
-  const Brdf brdf = domain.VertexBrdf(v);
+  const BakeVertex vertex = domain.Row(v);
+  const BrdfShape& shape = domain.shapes[vertex.shape];
+  const Brdf brdf = domain.BrdfOf(vertex);
   auto add = [&](double part, double weight) {
     energy.unoccluded += weight;
     energy.layer += weight * part;
@@ -178,14 +180,14 @@ VertexEnergy MeasureVertex(const BakeDomain& domain, const DirectionGrid& grid, 
   for (uint32_t slot = 0; slot <= views.diffuse_slot(); ++slot) {
     parts.push_back(SliceParts(views, slot, layer_index, v));
     if (views.nested && slot < views.diffuse_slot())
-      Predict(domain, grid, views.specular[slot], v, &parts[slot]);
+      Predict(vertex.normal, grid, views.specular[slot], v, &parts[slot]);
   }
   for (uint32_t column = 0; column < grid.size(); ++column) {
-    const float cosine = glm::dot(domain.normals[v], grid.direction(column));
-    if (cosine <= 0 && !domain.double_sided[v]) continue;
-    const BrdfSlice slice = LookupSlice(domain.shapes[domain.shape[v]], std::abs(cosine));
+    const float cosine = glm::dot(vertex.normal, grid.direction(column));
+    if (cosine <= 0 && !vertex.double_sided) continue;
+    const BrdfSlice slice = LookupSlice(shape, std::abs(cosine));
     for (int k = 0; k < slice.lobes; ++k)
-      add(parts[k][column], Luminance(slice.lobe[k].Weight(domain.specular[v])));
+      add(parts[k][column], Luminance(slice.lobe[k].Weight(vertex.specular)));
     const float diffuse = Luminance(DiffuseAlbedo(brdf, std::abs(cosine)));
     if (diffuse > 0) add(parts.back()[cosine > 0 ? 0 : 1], diffuse);
   }
@@ -197,7 +199,7 @@ VertexEnergy MeasureVertex(const BakeDomain& domain, const DirectionGrid& grid, 
 double MeasureEnergy(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views,
                      int layer_index, int threads) {
   constexpr uint32_t kStride = 4;
-  std::vector<VertexEnergy> energy((domain.vertex_count() + kStride - 1) / kStride);
+  std::vector<VertexEnergy> energy((domain.row_count() + kStride - 1) / kStride);
   ParallelFor(energy.size(), threads, 64, [&](size_t i, int) {
     energy[i] = MeasureVertex(domain, grid, views, layer_index, kStride * static_cast<uint32_t>(i));
   });
@@ -242,7 +244,7 @@ Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, con
     const bool specular = !layout.is_diffuse(slot);
     // Diffuse entries are few, and their light is broad: a bias would show.
     const float tolerance = specular ? settings.bits_tolerance : 0;
-    layer.slots[slot] = BuildTable(tasks, blocks, slot, specular ? grid.size() : 2, domain.vertex_count(),
+    layer.slots[slot] = BuildTable(tasks, blocks, slot, specular ? grid.size() : 2, domain.row_count(),
                                    layer_index == 0, tolerance, grid.nested() && specular ? nested : form);
   });
   Hasher hasher;

@@ -31,7 +31,7 @@ std::vector<std::vector<std::byte>> EmptyDirectLayer(const ExecutorInput& bake) 
   std::vector<std::vector<std::byte>> tables;
   for (uint32_t slot = 0; slot < slots; ++slot) {
     const uint32_t columns = slot + 1 < slots ? bake.grid.size() : 2;
-    tables.push_back(SliceTableBuilder(bake.domain.vertex_count(), columns, kDirectEntryBytes).Finish());
+    tables.push_back(SliceTableBuilder(bake.domain.row_count(), columns, kDirectEntryBytes).Finish());
   }
   return tables;
 }

@@ -33,7 +33,7 @@ uint32_t ColumnsPerTask(const PlanInput& input) {
 }
 
 std::vector<float> VertexSeconds(const PlanInput& input, std::span<const TaskSpec> before) {
-  const uint32_t vertices = input.domain.vertex_count();
+  const uint32_t vertices = input.domain.row_count();
   std::vector<MeasuredBlock> measured;
   double total = 0;
   for (const TaskSpec& task : before) {
@@ -56,7 +56,7 @@ bool Covers(const std::vector<GatherBlock>& blocks, const PlanInput& input) {
     column = 0;
     first += block.vertices;
   }
-  return column == 0 && first == input.domain.vertex_count();
+  return column == 0 && first == input.domain.row_count();
 }
 
 /// None: there is no plan, or one that is damaged or for other words.
@@ -84,7 +84,7 @@ Result<std::vector<TaskSpec>> PlanRound(const PlanInput& input, int layer, const
                                         std::span<const TaskSpec> before) {
   RoundManifest round = Describe(input, layer, previous);
   if (input.vertices_per_task > 0) {
-    round.blocks = CutEvenly(input.domain.vertex_count(), input.vertices_per_task, input.grid.size(),
+    round.blocks = CutEvenly(input.domain.row_count(), input.vertices_per_task, input.grid.size(),
                              ColumnsPerTask(input));
   } else {
     GLINT_ASSIGN_OR_RETURN(round.blocks, KeptPlan(input, round, before));

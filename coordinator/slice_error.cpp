@@ -249,8 +249,10 @@ void SliceTester::AskOwn(const TestSlice& slice, int half, bool causes, Answers*
         {point.diffuse_albedo, point.normal, kCosineKappa, true});
   if (!causes) return;
   TransferPoint read = point;
-  read.vertex = read.column = {0, 0, 0};
-  read.vertex_weight = {1, 0, 0};
+  read.rows = 1;
+  read.row = {0};
+  read.row_weight = {1};
+  read.column = {0, 0, 0};
   read.corner_weight = {1};
   Read(tables, read, slice, &light[StageOf(ErrorCause::kBits)]);
 }
@@ -260,8 +262,8 @@ struct SliceTester::Row {
   SlicePoint point;
   bool diffuse = false;
   DirectionGrid::Location around;  ///< no slice is needed, nor there, where a weight is 0
-  uint32_t vertex = 0;             ///< in nested tables: whose directions stand in for those
-  uint32_t id = 0;                 ///< 1 .. 4
+  uint32_t row = 0;                ///< in nested tables: whose directions stand in for those
+  uint32_t id = 0;                 ///< 1: the very point's; 2 + i: of its i-th bake vertex
 };
 
 /// One slot of one of a row's slices.
@@ -290,7 +292,7 @@ std::vector<SliceTester::RowSlice> SliceTester::SlicesOf(const Row& row) const {
   const auto above = [&](uint32_t d) { return glm::dot(row.point.side.normal, grid_.direction(d)) > 0; };
   for (int layer = 0; layer < layers(); ++layer)
     for (int k = 0; k < lobes; ++k) {
-      const SliceTableView::RowView stored = layers_[layer].specular[k].Row(row.vertex);
+      const SliceTableView::RowView stored = layers_[layer].specular[k].Row(row.row);
       VisitStandIns(
           grid_, grid_.level(), row.around.triangle, row.around.weight, above,
           [&](uint32_t d) { return stored.empty() ? nullptr : stored.Find(d); },
@@ -312,13 +314,13 @@ ProbeTables SliceTester::TablesAround() const {
   return {layers(), domain_.max_lobes(), 3, read_out_};
 }
 
-/// At the very point, for the grid's directions around; in nested tables, for those that the nearest vertex
-/// has.
+/// At the very point, for the grid's directions around; in nested tables, for those that the heaviest
+/// bake vertex has.
 void SliceTester::AskDirections(const TestSlice& slice, int half, Answers* answers) const {
-  const auto& share = slice.point.vertex_weight;
+  const std::span share(slice.point.row_weight.data(), slice.point.Rows().size());
   const auto nearest = std::max_element(share.begin(), share.end()) - share.begin();
   Row row{PointOf(slice.point), slice.point.diffuse_albedo != glm::vec3(0), grid_.Locate(slice.point.wo),
-          slice.point.vertex[nearest], 1};
+          slice.point.row[nearest], 1};
   float total = 0;
   for (int j = 0; j < 3; ++j) {
     const glm::vec3& wo = grid_.direction(row.around.index[j]);
@@ -326,11 +328,12 @@ void SliceTester::AskDirections(const TestSlice& slice, int half, Answers* answe
     total += row.around.weight[j];
   }
   TransferPoint read = slice.point;
-  read.vertex = {0, 0, 0};
+  read.rows = 1;
+  read.row = {0};
+  read.row_weight = {1};
   read.column = {0, 1, 2};
   read.grid_triangle = row.around.triangle;
-  read.vertex_weight = {1, 0, 0};
-  read.vertex_normal[0] = row.point.side.normal;
+  read.row_normal[0] = row.point.side.normal;
   read.whole = {};
   read.corner_weight = {};
   for (int j = 0; j < 3 && total > 0; ++j) read.corner_weight[j] = row.around.weight[j] / total;
@@ -339,22 +342,24 @@ void SliceTester::AskDirections(const TestSlice& slice, int half, Answers* answe
   Read(tables, read, slice, &answers->light[half][StageOf(ErrorCause::kAngular)]);
 }
 
-/// At the vertices around, for the grid's directions around: from paths, and from the archive's layers below.
+/// At the bake vertices around, for the grid's directions around: from paths, and from the archive's layers
+/// below.
 void SliceTester::AskVertices(const TestSlice& slice, int half, Answers* answers) const {
   ProbeTables paths = TablesAround(), below = paths;
   const TransferPoint& point = slice.point;
-  for (uint32_t i = 0; i < 3; ++i) {
-    const uint32_t v = point.vertex[i];
+  TransferPoint read = point;
+  for (uint32_t i = 0; i < static_cast<uint32_t>(point.rows); ++i) {
+    const uint32_t r = point.row[i];
+    read.row[i] = i;
     const float* weight = &point.corner_weight[3 * i];
-    const Row row{tracer_.AtVertex(v, point.back),
-                  domain_.diffuse[v] != glm::vec3(0),
+    const Row row{tracer_.AtVertex(r, point.back),
+                  domain_.Row(r).diffuse != glm::vec3(0),
                   {point.column, {weight[0], weight[1], weight[2]}, point.grid_triangle},
-                  v,
+                  r,
                   2 + i};
     GatherRow(slice, row, half, &paths, &below);
   }
-  TransferPoint read = point;
-  read.vertex = read.column = {0, 1, 2};
+  read.column = {0, 1, 2};
   Read(paths, read, slice, &answers->light[half][StageOf(ErrorCause::kSpatial)]);
   Read(below, read, slice, &answers->light[half][StageOf(ErrorCause::kBelow)]);
 }

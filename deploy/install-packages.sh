@@ -7,6 +7,7 @@ packages="build-essential cmake ninja-build pkg-config
   libembree-dev libtinygltf-dev libstb-dev libdraco-dev libopenexr-dev libpng-dev
   libglm-dev libzstd-dev libxxhash-dev libssl-dev openssl nlohmann-json3-dev libcli11-dev libgtest-dev librapidcheck-dev
   libcpp-httplib-dev libnats-dev nats-server libgrpc++-dev libprotobuf-dev protobuf-compiler protobuf-compiler-grpc libsqlite3-dev
+  libopenmesh-dev
   gnuplot-nox $*"
 
 missing=""

@@ -88,8 +88,9 @@ Status RunBake(const BakeWords& words, const CommonWords& common) {
   const auto full = nlohmann::ordered_json::parse(report.json);
   for (const auto& note : full["notes"]) Log(LogLevel::kNote, words.scene + ": " + note.get<std::string>());
   char summary[160];
-  std::snprintf(summary, sizeof summary, "%zu layers of %llu vertices x %llu directions, %.1f MB, in %.1f s",
-                full["layers"].size(), full["vertices"].get<unsigned long long>(),
+  std::snprintf(summary, sizeof summary,
+                "%zu layers of %llu baked vertices x %llu directions, %.1f MB, in %.1f s",
+                full["layers"].size(), full["baked_vertices"].get<unsigned long long>(),
                 full["directions"].get<unsigned long long>(),
                 1e-6 * static_cast<double>(report.archive_bytes), report.seconds);
   Log(LogLevel::kNote, "wrote " + words.output + " and " + words.output + ".json (" + summary + ")");

@@ -135,6 +135,7 @@ Json DescribeArchive(const std::string& path, const Archive& archive) {
           {"file_bytes", archive.file_bytes()},
           {"archive_key", archive.archive_key().Hex()},
           {"vertices", archive.domain().vertex_count()},
+          {"baked_vertices", archive.domain().row_count()},
           {"triangles", archive.domain().triangles.size()},
           {"directions", archive.MakeGrid().size()},
           {"cameras", cameras},
@@ -176,6 +177,7 @@ std::string ToText(const Json& d) {
   out += d["archive"].get<std::string>() + ": " + std::to_string(d["file_bytes"].get<Count>()) + " bytes\n";
   Line(out, "key         %s", d["archive_key"].get<std::string>().c_str());
   Line(out, "vertices    %llu", d["vertices"].get<Count>());
+  Line(out, "baked       %llu", d["baked_vertices"].get<Count>());
   Line(out, "triangles   %llu", d["triangles"].get<Count>());
   Line(out, "directions  %llu", d["directions"].get<Count>());
   out += "cameras     " + Dump(d["cameras"]) + '\n';

@@ -29,9 +29,9 @@ Result<Archive> OpenInput(const fs::path& folder, const RoundManifest& round) {
 
 Status CheckBlock(const GatherBlock& block, const BakeDomain& domain) {
   const uint64_t end = uint64_t{block.first_vertex} + block.vertices;
-  if (end <= domain.vertex_count()) return {};
+  if (end <= domain.row_count()) return {};
   return BadInput("the task's vertices end at " + std::to_string(end) + ", the surface has " +
-                  std::to_string(domain.vertex_count()));
+                  std::to_string(domain.row_count()));
 }
 
 }  // namespace
@@ -116,7 +116,7 @@ Result<bool> BakeRunner::Run(const RoundManifest& round, size_t index) {
 
 uint32_t BakeRunner::vertices() const {
   const std::shared_lock lock(state_->mutex);
-  return state_->surface ? state_->surface->domain.vertex_count() : 0;
+  return state_->surface ? state_->surface->domain.row_count() : 0;
 }
 
 Status CheckExecution(const RoundManifest& round) {

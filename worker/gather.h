@@ -12,8 +12,8 @@
 
 namespace glint {
 
-/// Part of every task's key: raised whenever a change to gathering changes results, so that chunks of an
-/// older program are not taken for this one's.
+/// Part of every task's key: raised whenever a change to gathering, or to which vertices are baked, changes
+/// results, so that chunks of an older program are not taken for this one's.
 inline constexpr int kGatherRevision = 7;
 
 /// Gathers one layer, block by block. Implementations are pure functions of (domain, rays, settings, previous

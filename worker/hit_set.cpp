@@ -274,7 +274,7 @@ HitSetCache::HitSetCache(const GatherInput& input, const BakeSettings& settings,
     : input_(input),
       settings_(settings),
       surface_(input.domain, input.rays.epsilon()),
-      sets_(2 * static_cast<size_t>(input.domain.vertex_count())),
+      sets_(2 * static_cast<size_t>(input.domain.row_count())),
       room_(static_cast<int64_t>(memory_bytes)) {
   for (const BrdfShape& shape : input.domain.shapes) {
     const int side = LatticeSide(shape, settings);
@@ -290,12 +290,13 @@ HitSetCache::~HitSetCache() {
 }
 
 const HemisphereLattice& HitSetCache::lattice(uint32_t vertex) const {
-  return *lattices_[lattice_of_shape_[input_.domain.shape[vertex]]];
+  return *lattices_[lattice_of_shape_[input_.domain.Row(vertex).shape]];
 }
 
 Frame HitSetCache::LatticeFrame(uint32_t vertex, bool back) const {
   const Frame base = Frame::FromNormal(surface_.side(vertex, back).normal);
-  const float angle = 2 * kPi * CounterRng(settings_.seed, vertex, back, 0x4C617474u).Uniform();
+  const uint32_t node = input_.domain.RowNode(vertex);
+  const float angle = 2 * kPi * CounterRng(settings_.seed, node, back, 0x4C617474u).Uniform();
   const float c = std::cos(angle), s = std::sin(angle);
   return {c * base.t + s * base.b, c * base.b - s * base.t, base.n};
 }

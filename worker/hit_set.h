@@ -57,7 +57,7 @@ class HitSetCache {
   HitSetCache(const GatherInput& input, const BakeSettings& settings, uint64_t memory_bytes);
   ~HitSetCache();
 
-  /// The set of one side of a vertex. `keep` owns it where the cache has no room.
+  /// The set of one side of a bake vertex. `keep` owns it where the cache has no room.
   const HitSet& Get(uint32_t vertex, bool back, std::unique_ptr<HitSet>* keep);
   const HemisphereLattice& lattice(uint32_t vertex) const;
   /// Frame of the vertex's lattice: turned about the normal by a random angle that is the vertex's own, so
@@ -73,7 +73,7 @@ class HitSetCache {
   SurfaceVertices surface_;
   std::vector<std::unique_ptr<HemisphereLattice>> lattices_;
   std::vector<uint8_t> lattice_of_shape_;
-  std::vector<std::atomic<HitSet*>> sets_;
+  std::vector<std::atomic<HitSet*>> sets_;  ///< [2 row + side]
   std::atomic<int64_t> room_;
 };
 

@@ -70,9 +70,12 @@ struct LayerLight::Pending {
   glm::vec3 wo, normal;
   float cos_o;
   bool defined;  ///< some corner has a slice for wo; else the weights are 0, and the BRDF counts as free
-  std::array<uint32_t, 3> word, bit;           ///< of the three directions in a row's words
-  std::array<std::array<float, 4>, 3> weight;  ///< of (vertex i, direction j)
-  std::array<const Entry*, 9> entry;           ///< at [3 i + j]: of lobe 0
+  std::array<uint32_t, 3> word, bit;  ///< of the three directions in a row's words
+  int rows;                           ///< bake vertices that answer
+  std::array<uint32_t, kMaxPointRows> row;
+  std::array<float, kMaxPointRows> row_weight;
+  std::array<std::array<float, 4>, kMaxPointRows> weight;  ///< of (row i, direction j)
+  std::array<const Entry*, 3 * kMaxPointRows> entry;       ///< at [3 i + j]: of lobe 0
 };
 
 /// Weighted sums over corners: of Entry::linear, and of strength times Entry::vector.
@@ -121,10 +124,15 @@ void LayerLight::PackSurface() {
     triangles_.push_back(
         {t, domain_.FaceNormal(static_cast<uint32_t>(i)), domain_.triangle_double_sided[i], one_shape});
   }
+  const auto* nothing = reinterpret_cast<const std::byte*>(empty_row_.data());
   vertices_.reserve(domain_.vertex_count());
   for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
-    vertices_.push_back({domain_.normals[v], domain_.specular[v], domain_.diffuse[v], domain_.shape[v],
-                         reinterpret_cast<const std::byte*>(empty_row_.data())});
+    vertices_.push_back(
+        {{domain_.normals[v], nothing}, domain_.specular[v], domain_.diffuse[v], domain_.shape[v]});
+  if (domain_.nodes.every_vertex()) return;
+  facet_rows_.emplace(domain_);
+  row_.reserve(domain_.row_count());
+  for (uint32_t r = 0; r < domain_.row_count(); ++r) row_.push_back({domain_.Row(r).normal, nothing});
 }
 
 LayerLight::Entry LayerLight::Pack(const LayerViews& views, uint32_t slot, uint32_t v,
@@ -155,21 +163,21 @@ LayerLight::Entry LayerLight::Pack(const LayerViews& views, uint32_t slot, uint3
 
 void LayerLight::PackRows(const LayerViews& views, int threads) {
   if (views.specular.empty()) return;
-  rows_.resize(domain_.vertex_count());
+  packed_.resize(domain_.row_count());
   constexpr size_t kGrain = 256;
-  ParallelFor(rows_.size(), threads, kGrain, [&](size_t i, int) {
+  ParallelFor(packed_.size(), threads, kGrain, [&](size_t i, int) {
     const auto v = static_cast<uint32_t>(i);
     const bool stored = std::any_of(views.specular.begin(), views.specular.end(),
                                     [&](const SliceTableView& table) { return !table.RowEmpty(v); });
     if (!stored) return;
     thread_local std::vector<Entry> slices;
     UnpackRow(views, v, &slices);
-    rows_[v] = PackRow(slices);
-    vertices_[v].row = reinterpret_cast<const std::byte*>(rows_[v].data());
+    packed_[v] = PackRow(slices);
+    RowAt(v).words = reinterpret_cast<const std::byte*>(packed_[v].data());
   });
 }
 
-/// Entries of all directions and lobes of a vertex, those that are predicted, too.
+/// Entries of all directions and lobes of a bake vertex, those that are predicted, too.
 void LayerLight::UnpackRow(const LayerViews& views, uint32_t v, std::vector<Entry>* slices) const {
   slices->assign(grid_.size() * static_cast<size_t>(lobes_), absent_[0]);
   for (int k = 0; k < lobes_; ++k) {
@@ -187,9 +195,10 @@ void LayerLight::PredictSlices(const SliceTableView::RowView& row, uint32_t slot
   const auto at = [&](uint32_t direction) -> Entry& {
     return (*slices)[direction * static_cast<size_t>(lobes_) + slot];
   };
+  const BakeVertex vertex = domain_.Row(v);
   for (const float side : {1.0f, -1.0f}) {
-    if (side < 0 && !domain_.double_sided[v]) continue;
-    const glm::vec3 n = side * domain_.normals[v];
+    if (side < 0 && !vertex.double_sided) continue;
+    const glm::vec3 n = side * vertex.normal;
     ForEachPredicted(
         grid_, [&](uint32_t d) { return glm::dot(n, grid_.direction(d)) > 0; },
         [&](uint32_t d) { return row.Find(d) != nullptr; },
@@ -235,8 +244,8 @@ std::vector<LayerLight::Entry> LayerLight::PackRow(const std::vector<Entry>& sli
 }
 
 void LayerLight::PackDiffuse(const LayerViews& views) {
-  diffuse_.assign(2 * static_cast<size_t>(domain_.vertex_count()), absent_[0]);
-  for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
+  diffuse_.assign(2 * static_cast<size_t>(domain_.row_count()), absent_[0]);
+  for (uint32_t v = 0; v < domain_.row_count(); ++v)
     for (uint32_t side = 0; side < 2; ++side)
       diffuse_[2 * size_t{v} + side] = Pack(views, views.diffuse_slot(), v, side);
 }
@@ -268,8 +277,10 @@ inline void LayerLight::LookBatches(std::span<const LightQuery> queries, HitLigh
     const size_t count = std::min<size_t>(kBatch, queries.size() - first);
     const LightQuery* query = queries.data() + first;
     for (size_t i = 0; i < count; ++i) __builtin_prefetch(&triangles_[query[i].triangle]);
-    for (size_t i = 0; i < count; ++i)
+    for (size_t i = 0; i < count; ++i) {
       for (const uint32_t v : triangles_[query[i].triangle].vertex) __builtin_prefetch(&vertices_[v]);
+      FindRows(query[i], &pending[i]);
+    }
     for (size_t i = 0; i < count; ++i) {
       reflects[i] = Orient(query[i], &pending[i]);
       if (reflects[i]) Locate(query[i].wo, &hint, &pending[i]);
@@ -280,19 +291,44 @@ inline void LayerLight::LookBatches(std::span<const LightQuery> queries, HitLigh
   }
 }
 
+/// As TransferReader.
+inline void LayerLight::FindRows(const LightQuery& query, Pending* hit) const {
+  std::array<float, 3> weight = {1 - query.u - query.v, query.u, query.v};
+  hit->barycentric = weight;
+  if (!facet_rows_) {
+    hit->rows = 3;
+    for (size_t i = 0; i < 3; ++i) {
+      hit->row[i] = triangles_[query.triangle].vertex[i];
+      hit->row_weight[i] = weight[i];
+    }
+    return;
+  }
+  hit->rows = 0;
+  float total = 0;
+  for (const FacetRows::Row& row : facet_rows_->Locate(query.triangle, &weight)) {
+    const float w = row.At(weight);
+    if (w == 0) continue;
+    __builtin_prefetch(&row_[row.row]);
+    hit->row[hit->rows] = row.row;
+    hit->row_weight[hit->rows++] = w;
+    total += w;
+  }
+  if (total > 0 && total < 0.999f)
+    for (int i = 0; i < hit->rows; ++i) hit->row_weight[i] /= total;
+}
+
 inline bool LayerLight::Orient(const LightQuery& query, Pending* hit) const {
   const Triangle& t = triangles_[query.triangle];
   glm::vec3 face = t.normal;
   const bool back = glm::dot(face, query.wo) < 0;
   if (back && !t.double_sided) return false;
   hit->triangle = &t;
-  hit->barycentric = {1 - query.u - query.v, query.u, query.v};
   hit->side = back ? -1.0f : 1.0f;
   hit->wo = query.wo;
   face *= hit->side;
   if (face == glm::vec3(0)) face = query.wo;
   glm::vec3 n(0);
-  for (int i = 0; i < 3; ++i) n += hit->barycentric[i] * vertices_[t.vertex[i]].normal;
+  for (int i = 0; i < 3; ++i) n += hit->barycentric[i] * vertices_[t.vertex[i]].row.normal;
   const float length2 = glm::dot(n, n);
   n = length2 > 1e-20f ? n * (hit->side / std::sqrt(length2)) : face;
   hit->normal = BendNormal(face, query.wo, n);
@@ -305,7 +341,7 @@ inline void LayerLight::Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit
   if (LocateAround(wo, hint, hit)) return;
   // As TransferReader: wo is under every corner's horizon, and the interpolated normal stands in.
   glm::vec3 n(0);
-  for (int i = 0; i < 3; ++i) n += hit->barycentric[i] * vertices_[hit->triangle->vertex[i]].normal;
+  for (int i = 0; i < hit->rows; ++i) n += hit->row_weight[i] * RowAt(hit->row[i]).normal;
   const float length2 = glm::dot(n, n);
   LocateAround(length2 > 1e-20f ? n * (hit->side / std::sqrt(length2)) : hit->normal, hint, hit);
 }
@@ -316,32 +352,32 @@ inline bool LayerLight::LocateAround(const glm::vec3& direction, uint32_t* hint,
   const DirectionGrid::Cell& cell = grid_.cell(*hint);
   const Float4 x = Load(cell.x), y = Load(cell.y), z = Load(cell.z);
   const Float4 share = {location.weight[0], location.weight[1], location.weight[2], 0};
-  Float4 weight[3], total = {};
-  for (int i = 0; i < 3; ++i) {
-    const glm::vec3& n = vertices_[hit->triangle->vertex[i]].normal;
+  Float4 weight[kMaxPointRows], total = {};
+  for (int i = 0; i < hit->rows; ++i) {
+    const glm::vec3& n = RowAt(hit->row[i]).normal;
     const Float4 cosine = (n.x * hit->side) * x + (n.y * hit->side) * y + (n.z * hit->side) * z;
-    weight[i] = cosine > 0.0f ? hit->barycentric[i] * share : Float4{};
+    weight[i] = cosine > 0.0f ? hit->row_weight[i] * share : Float4{};
     total += weight[i];
   }
   const float sum = total[0] + total[1] + total[2];
   const float scale = sum > 0 ? 1 / sum : 0;
   hit->defined = sum > 0;
-  for (int i = 0; i < 3; ++i) {
+  for (int i = 0; i < hit->rows; ++i) {
     const Float4 scaled = weight[i] * scale;
     std::memcpy(hit->weight[i].data(), &scaled, sizeof scaled);
   }
   for (int j = 0; j < 3; ++j) {
     hit->word[j] = location.index[j] / kWordColumns;
     hit->bit[j] = location.index[j] % kWordColumns;
-    for (const uint32_t v : hit->triangle->vertex)
-      __builtin_prefetch(vertices_[v].row + sizeof(uint64_t) * hit->word[j]);
+    for (int i = 0; i < hit->rows; ++i)
+      __builtin_prefetch(RowAt(hit->row[i]).words + sizeof(uint64_t) * hit->word[j]);
   }
   return hit->defined;
 }
 
 inline void LayerLight::FindEntries(Pending* hit) const {
-  for (int i = 0; i < 3; ++i) {
-    const std::byte* row = vertices_[hit->triangle->vertex[i]].row;
+  for (int i = 0; i < hit->rows; ++i) {
+    const std::byte* row = RowAt(hit->row[i]).words;
     const Entry* entries = reinterpret_cast<const Entry*>(row) + head_;
     for (int j = 0; j < 3; ++j) {
       const auto word = table_internal::Load<uint64_t>(row + sizeof(uint64_t) * hit->word[j]);
@@ -381,7 +417,7 @@ inline HitLight LayerLight::Evaluate(const Pending& hit) const {
   }
   for (int k = 0; k < slice.lobes; ++k) {
     Sums sums;
-    for (int i = 0; i < 3; ++i)
+    for (int i = 0; i < hit.rows; ++i)
       for (int j = 0; j < 3; ++j) sums.Add(hit.weight[i][j], hit.entry[3 * i + j][k]);
     if (!hit.defined) sums.Add(1, absent_[0]);
     const BrdfLobe& lobe = slice.lobe[k];
@@ -394,7 +430,9 @@ inline HitLight LayerLight::Evaluate(const Pending& hit) const {
   if (diffuse_.empty() || diffuse.x + diffuse.y + diffuse.z <= 0) return out;
   const glm::vec3 albedo = DiffuseAlbedo({sampler.model(), sampler.shape(), specular, diffuse}, hit.cos_o);
   Sums sums;
-  for (int i = 0; i < 3; ++i) sums.Add(hit.barycentric[i], diffuse_[2 * size_t{v[i]} + (hit.side < 0)]);
+  for (int i = 0; i < hit.rows; ++i)
+    sums.Add(hit.row_weight[i], diffuse_[2 * size_t{hit.row[i]} + (hit.side < 0)]);
+  if (hit.rows == 0) sums.Add(1, absent_[0]);
   if (layer_ == 0) {
     AddDirect(sums, albedo, hit.normal, kCosineKappa, &out);
   } else {

@@ -5,12 +5,14 @@
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "common/archive/archive.h"
 #include "common/domain/bake_domain.h"
 #include "common/domain/direction_grid.h"
+#include "common/domain/facet_rows.h"
 #include "common/lobes/slice_sampler.h"
 
 namespace glint {
@@ -30,11 +32,11 @@ struct HitLight {
 };
 
 /// One layer's tables packed for look-ups at hits, of which a bake makes hundreds of millions. It answers
-/// what TransferReader answers (interpolation over three vertices and three directions, Eq. 7), but only in
+/// what TransferReader answers (interpolation over bake vertices and three directions, Eq. 7), but only in
 /// moments: corners that are too far apart to be averaged are each kept, not grouped. Entries are decoded
 /// once into sixteen bytes that add up with two multiply-adds, all lobes of a (vertex, direction) side by
 /// side, those that nested tables leave out as well; look-ups run in batches whose stages prefetch what the
-/// next will read. Memory: 16 bytes a stored slice, and 8 bytes for each 48 directions of a vertex.
+/// next will read. Memory: 16 bytes a stored slice, and 8 bytes for each 48 directions of a bake vertex.
 /// Immutable; thread-safe.
 class LayerLight {
  public:
@@ -66,10 +68,14 @@ class LayerLight {
     uint32_t double_sided;
     uint32_t one_shape;
   };
+  struct Row {
+    glm::vec3 normal;
+    const std::byte* words;  ///< and entries behind them; shared, without entries, where nothing is stored
+  };
   struct alignas(64) Vertex {
-    glm::vec3 normal, specular, diffuse;
+    Row row;  ///< its own, where every vertex is baked; else the normal alone
+    glm::vec3 specular, diffuse;
     uint32_t shape;
-    const std::byte* row;  ///< words, then entries; a shared one without entries where nothing is stored
   };
   struct Pending;
   struct Sums;
@@ -86,6 +92,9 @@ class LayerLight {
   Entry Pack(const LayerViews& views, uint32_t slot, uint32_t v, uint32_t column) const;
   void LookWide(std::span<const LightQuery> queries, HitLight* out) const;
   void LookBatches(std::span<const LightQuery> queries, HitLight* out) const;
+  Row& RowAt(uint32_t r) { return facet_rows_ ? row_[r] : vertices_[r].row; }
+  const Row& RowAt(uint32_t r) const { return facet_rows_ ? row_[r] : vertices_[r].row; }
+  void FindRows(const LightQuery& query, Pending* hit) const;
   bool Orient(const LightQuery& query, Pending* hit) const;
   void Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit) const;
   bool LocateAround(const glm::vec3& direction, uint32_t* hint, Pending* hit) const;
@@ -97,6 +106,7 @@ class LayerLight {
 
   const BakeDomain& domain_;
   const DirectionGrid& grid_;
+  std::optional<FacetRows> facet_rows_;  ///< none: every vertex is baked, and nothing else
   const int layer_;
   const int lobes_;
   const uint32_t words_;  ///< of a row
@@ -105,10 +115,11 @@ class LayerLight {
   std::vector<SliceSampler> samplers_;
   std::vector<Triangle> triangles_;
   std::vector<Vertex> vertices_;
+  std::vector<Row> row_;       ///< with facet_rows_
   std::vector<Entry> absent_;  ///< as many as lobes: what a direction without an entry stands for
   std::vector<uint64_t> empty_row_;
-  std::vector<std::vector<Entry>> rows_;  ///< of vertices; their words take up entries, too
-  std::vector<Entry> diffuse_;            ///< [2 vertex + side]; empty if nothing is diffuse
+  std::vector<std::vector<Entry>> packed_;  ///< of rows; their words take up entries, too
+  std::vector<Entry> diffuse_;              ///< [2 row + side]; empty if nothing is diffuse
 };
 
 }  // namespace glint

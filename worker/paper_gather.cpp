@@ -65,15 +65,16 @@ class PaperGatherer : public Gatherer {
 
   void GatherSlices(uint32_t v, uint32_t column, Fan* fan, BlockResult* result) {
     const glm::vec3& wo = input_.grid.direction(column);
-    const float cosine = glm::dot(input_.domain.normals[v], wo);
-    if (cosine == 0 || (cosine < 0 && !input_.domain.double_sided[v])) return;
+    const BakeVertex vertex = input_.domain.Row(v);
+    const float cosine = glm::dot(vertex.normal, wo);
+    if (cosine == 0 || (cosine < 0 && !vertex.double_sided)) return;
     const VertexSide side = surface_.side(v, cosine < 0);
-    const SliceSampler& sampler = samplers_[input_.domain.shape[v]];
+    const SliceSampler& sampler = samplers_[vertex.shape];
     const UnoccludedSlice slice(sampler, side.normal, wo);
     for (int k = 0; k < slice.lobes.lobes; ++k) {
       const Vmf drawn{slice.Direction(slice.lobes.lobe[k]), slice.lobes.lobe[k].kappa};
       const BrdfLobe seen = slice.Seen(sampler, k);
-      CounterRng rng(settings_.seed, v, column | (static_cast<uint32_t>(k) << 16),
+      CounterRng rng(settings_.seed, vertex.node, column | (static_cast<uint32_t>(k) << 16),
                      static_cast<uint32_t>(layer_));
       Trace(side, &rng, fan, [&](float a, float b) { return SampleVmf(drawn, a, b); });
       if (fan->rays.empty())
@@ -84,11 +85,12 @@ class PaperGatherer : public Gatherer {
   }
 
   void GatherDiffuse(uint32_t v, Fan* fan, BlockResult* result) {
-    const glm::vec3& diffuse = input_.domain.diffuse[v];
+    const BakeVertex vertex = input_.domain.Row(v);
+    const glm::vec3& diffuse = vertex.diffuse;
     if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
-    for (int s = 0; s < (input_.domain.double_sided[v] ? 2 : 1); ++s) {
+    for (int s = 0; s < (vertex.double_sided ? 2 : 1); ++s) {
       const VertexSide side = surface_.side(v, s == 1);
-      CounterRng rng(settings_.seed, v, 0xFFFF0000u | static_cast<uint32_t>(s),
+      CounterRng rng(settings_.seed, vertex.node, 0xFFFF0000u | static_cast<uint32_t>(s),
                      static_cast<uint32_t>(layer_));
       TraceCosine(side, side.normal, &rng, fan);
       const SliceLobe lobe{side.normal, kCosineKappa};

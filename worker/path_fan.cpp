@@ -39,8 +39,8 @@ PathFanTracer::PathFanTracer(const BakeDomain& domain, const RayScene& rays, int
       surface_(domain, rays.epsilon()),
       samplers_(MakeSliceSamplers(domain.shapes)) {}
 
-SlicePoint PathFanTracer::AtVertex(uint32_t vertex, bool back) const {
-  return {surface_.side(vertex, back), domain_.shape[vertex], vertex};
+SlicePoint PathFanTracer::AtVertex(uint32_t row, bool back) const {
+  return {surface_.side(row, back), domain_.Row(row).shape, row};
 }
 
 void PathFanTracer::Trace(const SlicePoint& point, const glm::vec3& wo, int slot, int count,

@@ -19,7 +19,7 @@ namespace glint {
 struct SlicePoint {
   VertexSide side;
   uint32_t shape = 0;       ///< index into the domain's
-  uint32_t vertex = kNone;  ///< kNone: inside a face
+  uint32_t vertex = kNone;  ///< row of the bake vertex; kNone: inside a face
 };
 
 /// A ray drawn from a lobe, followed through the scene until it leaves.
@@ -57,8 +57,9 @@ class PathFanTracer {
   PathFanTracer(const BakeDomain& domain, const RayScene& rays, int last_layer);
 
   /// A bake vertex, as the bake gathers there.
-  SlicePoint AtVertex(uint32_t vertex, bool back) const;
-  bool used(uint32_t vertex) const { return surface_.used(vertex); }
+  /// @param row  of the bake vertex
+  SlicePoint AtVertex(uint32_t row, bool back) const;
+  bool used(uint32_t row) const { return surface_.used(row); }
   const SliceSampler& sampler(uint32_t shape) const { return samplers_[shape]; }
 
   /// @param wo     unit, side.normal . wo > 0

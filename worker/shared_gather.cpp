@@ -107,35 +107,36 @@ class SharedGatherer : public Gatherer {
       if (owns_diffuse || !layout_.is_diffuse(slot)) result->slots[slot].BeginRow();
     if (!cache_.surface().used(v)) return;
     Side sides[2];
-    const int side_count = input_.domain.double_sided[v] ? 2 : 1;
+    const BakeVertex vertex = input_.domain.Row(v);
+    const int side_count = vertex.double_sided ? 2 : 1;
     for (int s = 0; s < side_count; ++s) {
       sides[s] = PrepareSide(v, s, scratch, owns_diffuse ? &result->counters : nullptr);
-      if (owns_diffuse) GatherDiffuse(v, s, sides[s], scratch, result);
+      if (owns_diffuse) GatherDiffuse(vertex.diffuse, s, sides[s], scratch, result);
     }
     if (scratch->refinement) {
-      RefineVertex(v, {sides, static_cast<size_t>(side_count)}, block, scratch, result);
+      RefineVertex(vertex.shape, {sides, static_cast<size_t>(side_count)}, block, scratch, result);
       return;
     }
     for (uint32_t column = block.first_column; column < block.first_column + block.columns; ++column) {
       const glm::vec3& wo = input_.grid.direction(column);
-      const int s = glm::dot(input_.domain.normals[v], wo) > 0 ? 0 : 1;
+      const int s = glm::dot(vertex.normal, wo) > 0 ? 0 : 1;
       if (s >= side_count || glm::dot(sides[s].frame.n, wo) <= 0) continue;
-      GatherSlices(v, column, wo, sides[s], scratch, result);
+      GatherSlices(vertex.shape, column, wo, sides[s], scratch, result);
     }
   }
 
   /// Every block of a vertex does all of this, and keeps what is its own.
-  void RefineVertex(uint32_t v, std::span<const Side> sides, const GatherBlock& block, Scratch* scratch,
+  void RefineVertex(uint16_t shape, std::span<const Side> sides, const GatherBlock& block, Scratch* scratch,
                     BlockResult* result) {
-    const SliceSampler& sampler = samplers_[input_.domain.shape[v]];
-    const float kappa = SharpestKappa(input_.domain.shapes[input_.domain.shape[v]]);
+    const SliceSampler& sampler = samplers_[shape];
+    const float kappa = SharpestKappa(input_.domain.shapes[shape]);
     AngularRefinement& refinement = *scratch->refinement;
     refinement.Begin();
     for (const Side& side : sides) {
       if (!side.samples->any_active()) continue;
       refinement.Refine({side.frame.n, sampler.lobes(), LevelOfDetail(kappa), kappa,
                          [&](uint32_t column, BlockResult* out) {
-                           GatherSlices(v, column, input_.grid.direction(column), side, scratch, out);
+                           GatherSlices(shape, column, input_.grid.direction(column), side, scratch, out);
                          }});
     }
     result->counters.slices += refinement.Store(block, result) * static_cast<uint64_t>(sampler.lobes());
@@ -165,9 +166,9 @@ class SharedGatherer : public Gatherer {
     return side;
   }
 
-  void GatherSlices(uint32_t v, uint32_t column, const glm::vec3& wo, const Side& side, Scratch* scratch,
+  void GatherSlices(uint16_t shape, uint32_t column, const glm::vec3& wo, const Side& side, Scratch* scratch,
                     BlockResult* result) {
-    const SliceSampler& sampler = samplers_[input_.domain.shape[v]];
+    const SliceSampler& sampler = samplers_[shape];
     result->counters.slices += sampler.lobes();
     if (!side.samples->any_active()) return;
     const UnoccludedSlice slice(sampler, side.frame.n, wo);
@@ -252,8 +253,8 @@ class SharedGatherer : public Gatherer {
     return sums;
   }
 
-  void GatherDiffuse(uint32_t v, int s, const Side& side, Scratch* scratch, BlockResult* result) {
-    const glm::vec3& diffuse = input_.domain.diffuse[v];
+  void GatherDiffuse(const glm::vec3& diffuse, int s, const Side& side, Scratch* scratch,
+                     BlockResult* result) {
     if (diffuse.x + diffuse.y + diffuse.z <= 0) return;
     ++result->counters.slices;
     if (!side.samples->any_active()) return;

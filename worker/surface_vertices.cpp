@@ -32,13 +32,10 @@ float HeightOfFace(const glm::vec3& a, const glm::vec3& b, const glm::vec3& face
 SurfaceVertices::SurfaceVertices(const BakeDomain& domain, float epsilon)
     : domain_(domain),
       epsilon_(epsilon),
-      inset_(domain.vertex_count(), glm::vec3(0)),
-      geometric_(domain.vertex_count(), glm::vec3(0)),
-      touch_(domain.vertex_count(), 0.0f),
-      rise_(domain.vertex_count(), {0, 0}),
-      used_(domain.vertex_count(), 0) {
+      starts_(domain.vertex_count() + domain.nodes.facets.middles().size()) {
   AverageCorners();
   for (uint32_t t = 0; t < domain.triangles.size(); ++t) RaiseOverFace(t);
+  for (uint32_t m = 0; m < domain.nodes.facets.middles().size(); ++m) StartFromMiddle(m);
 }
 
 void SurfaceVertices::AverageCorners() {
@@ -48,24 +45,24 @@ void SurfaceVertices::AverageCorners() {
     const glm::vec3 face = domain_.FaceNormal(static_cast<uint32_t>(face_normal_.size()));
     face_normal_.push_back(face);
     for (int i = 0; i < 3; ++i) {
-      const uint32_t v = t[i];
-      used_[v] = 1;
+      NodeStart& start = starts_[t[i]];
+      start.used = true;
       const glm::vec3 a = p[(i + 1) % 3] - p[i], b = p[(i + 2) % 3] - p[i];
       const float angle = CornerAngle(a, b);
-      geometric_[v] += angle * face;
-      inset_[v] += angle * (a + b) / 3.0f;
-      touch_[v] += angle * 0.5f * (glm::length(a) + glm::length(b));
-      weight[v] += angle;
+      start.geometric += angle * face;
+      start.inset += angle * (a + b) / 3.0f;
+      start.touch += angle * 0.5f * (glm::length(a) + glm::length(b));
+      weight[t[i]] += angle;
     }
   }
   for (uint32_t v = 0; v < domain_.vertex_count(); ++v) {
-    const glm::vec3& n = domain_.normals[v];
-    const float length = glm::length(geometric_[v]);
-    geometric_[v] = length > 0 ? geometric_[v] / length : n;
+    NodeStart& start = starts_[v];
+    const float length = glm::length(start.geometric);
+    start.geometric = length > 0 ? start.geometric / length : domain_.normals[v];
     if (weight[v] <= 0) continue;
-    inset_[v] *= kInset / weight[v];
-    inset_[v] -= geometric_[v] * glm::dot(geometric_[v], inset_[v]);
-    touch_[v] = std::max(kTouch * touch_[v] / weight[v], 8 * epsilon_);
+    start.inset *= kInset / weight[v];
+    start.inset -= start.geometric * glm::dot(start.geometric, start.inset);
+    start.touch = std::max(kTouch * start.touch / weight[v], 8 * epsilon_);
   }
 }
 
@@ -74,21 +71,60 @@ void SurfaceVertices::AverageCorners() {
 void SurfaceVertices::RaiseOverFace(uint32_t triangle) {
   const auto& t = domain_.triangles[triangle];
   for (size_t i = 0; i < 3; ++i) {
-    const uint32_t v = t[i];
-    const glm::vec3& p = domain_.positions[v];
+    NodeStart& start = starts_[t[i]];
+    const glm::vec3& p = domain_.positions[t[i]];
     const float height =
         HeightOfFace(domain_.positions[t[(i + 1) % 3]] - p, domain_.positions[t[(i + 2) % 3]] - p,
-                     face_normal_[triangle], inset_[v], geometric_[v]);
-    rise_[v][0] = std::max(rise_[v][0], height);
-    rise_[v][1] = std::max(rise_[v][1], -height);
+                     face_normal_[triangle], start.inset, start.geometric);
+    start.rise[0] = std::max(start.rise[0], height);
+    start.rise[1] = std::max(start.rise[1], -height);
   }
 }
 
-VertexSide SurfaceVertices::side(uint32_t vertex, bool back) const {
+/// On the edge between two faces, or inside one: both are half-planes there. The surface's own borders are
+/// drawn in as at vertices.
+void SurfaceVertices::StartFromMiddle(uint32_t middle) {
+  const FacetTree::Middle& m = domain_.nodes.facets.middles()[middle];
+  NodeStart& start = starts_[domain_.vertex_count() + middle];
+  start.used = true;
+  const glm::vec3 p = domain_.NodePosition(domain_.vertex_count() + middle);
+  const float edge = glm::length(domain_.NodePosition(m.ends[0]) - domain_.NodePosition(m.ends[1]));
+  start.touch = std::max(kTouch * 0.5f * edge, 8 * epsilon_);
+  const glm::vec3& face = face_normal_[m.place.triangle];
+  start.geometric = face;
+  if (m.across != kNone) {
+    const glm::vec3 sum = face + face_normal_[m.across];
+    const float length = glm::length(sum);
+    if (length > 1e-6f) start.geometric = sum / length;
+    return;
+  }
+  const SurfacePlace& place = m.place;
+  const bool inside = place.u > 0 && place.v > 0 && place.u + place.v < 1;
+  if (inside) return;
+  const auto& t = domain_.triangles[place.triangle];
+  const glm::vec3 centre =
+      (domain_.positions[t[0]] + domain_.positions[t[1]] + domain_.positions[t[2]]) / 3.0f - p;
+  const float length = glm::length(centre);
+  if (length > 0) start.inset = centre * std::min(1.0f, kInset * edge / length);
+}
+
+bool SurfaceVertices::Incident(uint32_t triangle, uint32_t row) const {
+  const uint32_t node = domain_.RowNode(row);
+  if (node >= domain_.vertex_count()) {
+    const FacetTree::Middle& m = domain_.nodes.facets.middles()[node - domain_.vertex_count()];
+    return triangle == m.place.triangle || triangle == m.across;
+  }
+  const auto& t = domain_.triangles[triangle];
+  return t[0] == node || t[1] == node || t[2] == node;
+}
+
+VertexSide SurfaceVertices::side(uint32_t row, bool back) const {
   const float sign = back ? -1.0f : 1.0f;
-  const glm::vec3 geometric = sign * geometric_[vertex];
-  return {domain_.positions[vertex] + inset_[vertex] + (rise_[vertex][back] + epsilon_) * geometric,
-          sign * domain_.normals[vertex], geometric};
+  const uint32_t node = domain_.RowNode(row);
+  const NodeStart& start = starts_[node];
+  const glm::vec3 geometric = sign * start.geometric;
+  return {domain_.NodePosition(node) + start.inset + (start.rise[back] + epsilon_) * geometric,
+          sign * domain_.Node(node).normal, geometric};
 }
 
 }  // namespace glint

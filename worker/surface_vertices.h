@@ -19,34 +19,40 @@ struct VertexSide {
 /// Where and how rays leave the bake vertices. A vertex on a border often lies exactly on another surface (a
 /// floor's edge on a wall), where a ray would start on the wrong side or on no side at all; so origins are
 /// moved a little towards the middle of the faces around, within the tangent plane or up to the face that is
-/// above it there, and up by RayScene::epsilon().
+/// above it there, and up by RayScene::epsilon(). A middle's faces are the one or two triangles that it lies
+/// on; what is done there depends on it alone, not on what else is split.
 class SurfaceVertices {
  public:
   SurfaceVertices(const BakeDomain& domain, float epsilon);
 
-  VertexSide side(uint32_t vertex, bool back) const;
+  /// @param row  of a bake vertex
+  VertexSide side(uint32_t row, bool back) const;
   /// False for vertices that no triangle uses: they have no slices.
-  bool used(uint32_t vertex) const { return used_[vertex]; }
-  /// True if `triangle` has `vertex` as a corner.
-  bool Incident(uint32_t triangle, uint32_t vertex) const {
-    const auto& t = domain_.triangles[triangle];
-    return t[0] == vertex || t[1] == vertex || t[2] == vertex;
-  }
+  bool used(uint32_t row) const { return Start(row).used; }
+  /// True if the bake vertex lies on `triangle`.
+  bool Incident(uint32_t triangle, uint32_t row) const;
   /// Unit; 0 for a triangle without area.
   const glm::vec3& face_normal(uint32_t triangle) const { return face_normal_[triangle]; }
-  /// Hits of incident triangles nearer than this lie at the vertex itself.
-  float touch_distance(uint32_t vertex) const { return touch_[vertex]; }
+  /// Hits of incident triangles nearer than this lie at the bake vertex itself.
+  float touch_distance(uint32_t row) const { return Start(row).touch; }
 
  private:
+  struct NodeStart {
+    glm::vec3 inset{0}, geometric{0};
+    float touch = 0;
+    std::array<float, 2> rise{};  ///< of the origin over the tangent plane: front, back
+    bool used = false;
+  };
+
+  const NodeStart& Start(uint32_t row) const { return starts_[domain_.RowNode(row)]; }
   void AverageCorners();
   void RaiseOverFace(uint32_t triangle);
+  void StartFromMiddle(uint32_t middle);
 
   const BakeDomain& domain_;
   float epsilon_;
-  std::vector<glm::vec3> inset_, geometric_, face_normal_;
-  std::vector<float> touch_;
-  std::vector<std::array<float, 2>> rise_;  ///< of the origin over the tangent plane: front, back
-  std::vector<uint8_t> used_;
+  std::vector<NodeStart> starts_;  ///< of nodes
+  std::vector<glm::vec3> face_normal_;
 };
 
 }  // namespace glint

@@ -28,9 +28,11 @@ std::vector<float> GuessVertexSeconds(const BakeDomain& domain, const BakeSettin
     of_shape.push_back(
         static_cast<float>(kSecondsPerRay * Rays(shape, settings, slices) + kSecondsPerSlice * slices));
   }
-  std::vector<float> seconds(domain.vertex_count());
-  for (uint32_t v = 0; v < domain.vertex_count(); ++v)
-    seconds[v] = of_shape[domain.shape[v]] * (domain.double_sided[v] ? 2.0f : 1.0f);
+  std::vector<float> seconds(domain.row_count());
+  for (uint32_t row = 0; row < domain.row_count(); ++row) {
+    const BakeVertex vertex = domain.Row(row);
+    seconds[row] = of_shape[vertex.shape] * (vertex.double_sided ? 2.0f : 1.0f);
+  }
   return seconds;
 }
 

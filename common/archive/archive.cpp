@@ -26,9 +26,9 @@ uint32_t LargestLobeCount(const std::vector<BrdfShape>& shapes) {
 
 std::span<const std::byte> AsBytes(const std::string& text) { return std::as_bytes(std::span(text)); }
 
-/// Whether a table belongs where the archive has it: one row a vertex, one column a direction (or side).
+/// Whether a table belongs where the archive has it: one row a bake vertex, one column a direction (or side).
 Status CheckTable(const SliceTableView& table, const Header& header, bool diffuse) {
-  if (table.rows() != header.vertices) return BadInput("its rows are not the vertices");
+  if (table.rows() != header.rows) return BadInput("its rows are not the bake vertices");
   if (table.columns() != (diffuse ? 2 : DirectionGrid::SizeOf(static_cast<int>(header.grid_level)))) {
     return BadInput("its columns are not the directions");
   }
@@ -49,6 +49,7 @@ Header MakeHeader(const ArchiveContent& content) {
   header.slice_lobes = static_cast<uint32_t>(content.slice_lobes);
   header.vertices = content.domain->positions.size();
   header.triangles = content.domain->triangles.size();
+  header.rows = content.domain->row_count();
   header.archive_key = content.archive_key;
   return header;
 }
@@ -104,7 +105,7 @@ class SectionWriter {
   }
 
   Status AddCompressed(Kind kind, std::span<const std::byte> raw) {
-    if (kind != Kind::kVertices && raw.size() > kMaxVariableBytes) {
+    if (kind != Kind::kVertices && kind != Kind::kNodes && raw.size() > kMaxVariableBytes) {
       return LimitExceeded("archive: section " + Section{.kind = kind}.Name() + " is larger than 64 MiB");
     }
     GLINT_ASSIGN_OR_RETURN(const std::vector<std::byte> stored, Compress(raw));
@@ -151,6 +152,7 @@ Status WriteArchive(const std::filesystem::path& path, const ArchiveContent& con
   GLINT_RETURN_IF_ERROR(out.Add(Kind::kGeometry, Codec::kDraco, geometry, geometry_bytes));
   GLINT_RETURN_IF_ERROR(out.AddCompressed(Kind::kShapes, EncodeShapes(domain.shapes)));
   GLINT_RETURN_IF_ERROR(out.AddCompressed(Kind::kVertices, EncodeVertices(domain)));
+  GLINT_RETURN_IF_ERROR(out.AddCompressed(Kind::kNodes, EncodeNodes(domain.nodes)));
   GLINT_ASSIGN_OR_RETURN(const std::vector<std::byte> cameras, EncodeCameras(content.cameras));
   GLINT_RETURN_IF_ERROR(out.AddCompressed(Kind::kCameras, cameras));
   GLINT_RETURN_IF_ERROR(out.AddCompressed(Kind::kReport, AsBytes(content.report_json)));
@@ -177,6 +179,7 @@ struct Archive::Impl {
   Status CheckSectionList(const std::vector<Section>& sections) const;
   Status ReadSection(const Section& section);
   Status ReadCompressed(const Section& section);
+  bool SizeIsPossible(const Section& section) const;
   Status ReadTable(const Section& section);
   std::span<const std::byte> Stored(const Section& s) const {
     return bytes.subspan(s.offset, s.stored_bytes);
@@ -186,11 +189,9 @@ struct Archive::Impl {
 namespace {
 
 /// The sections of every archive, in order; tables follow.
-constexpr std::pair<Kind, Codec> kFixedSections[] = {{Kind::kGeometry, Codec::kDraco},
-                                                     {Kind::kShapes, Codec::kZstd},
-                                                     {Kind::kVertices, Codec::kZstd},
-                                                     {Kind::kCameras, Codec::kZstd},
-                                                     {Kind::kReport, Codec::kZstd}};
+constexpr std::pair<Kind, Codec> kFixedSections[] = {
+    {Kind::kGeometry, Codec::kDraco}, {Kind::kShapes, Codec::kZstd},  {Kind::kVertices, Codec::kZstd},
+    {Kind::kNodes, Codec::kZstd},     {Kind::kCameras, Codec::kZstd}, {Kind::kReport, Codec::kZstd}};
 
 Status SectionError(const Section& section, const Status& status) {
   return {status.kind(), "section " + section.Name() + ": " + status.message()};
@@ -250,18 +251,28 @@ Status Archive::Impl::ReadSection(const Section& section) {
   return InternalError("unknown codec");
 }
 
+/// Vertices were decoded from bytes that were there, so that their number bounds what others may ask for.
+bool Archive::Impl::SizeIsPossible(const Section& section) const {
+  constexpr uint64_t kNodeBytes = 64;  // of a vertex: its count, row and weights, and those of its middles
+  if (section.kind == Kind::kVertices)
+    return section.raw_bytes == VertexSectionBytes(header.vertices, header.triangles);
+  if (section.kind == Kind::kNodes)
+    return section.raw_bytes <= kMaxVariableBytes + kNodeBytes * header.vertices;
+  return section.raw_bytes <= kMaxVariableBytes;
+}
+
 Status Archive::Impl::ReadCompressed(const Section& section) {
-  // Vertices were decoded from bytes that were there, so that their number bounds what this one may ask for.
-  const bool size_ok = section.kind == Kind::kVertices
-                           ? section.raw_bytes == VertexSectionBytes(header.vertices, header.triangles)
-                           : section.raw_bytes <= kMaxVariableBytes;
-  if (!size_ok) return BadInput("its size is out of range");
+  if (!SizeIsPossible(section)) return BadInput("its size is out of range");
   GLINT_ASSIGN_OR_RETURN(const std::vector<std::byte> raw, Decompress(Stored(section), section.raw_bytes));
   switch (section.kind) {
     case Kind::kShapes:
       return DecodeShapes(raw, &domain.shapes);
     case Kind::kVertices:
       return DecodeVertices(raw, &domain);
+    case Kind::kNodes: {
+      GLINT_ASSIGN_OR_RETURN(domain.nodes, DecodeNodes(raw, domain, header.rows));
+      return {};
+    }
     case Kind::kCameras:
       return DecodeCameras(raw, &cameras);
     case Kind::kReport:

@@ -10,6 +10,7 @@
 #include "common/archive/nested.h"
 #include "common/base/frame.h"
 #include "common/domain/bake_settings.h"
+#include "common/domain/facet_rows.h"
 #include "common/lobes/vmf.h"
 
 namespace glint {
@@ -98,8 +99,8 @@ class CornerGroups {
   }
 
  private:
-  /// Three vertices, each with as many slices as a nested grid's triangle comes down to.
-  static constexpr int kMaxCorners = 3 * kMaxStandIns;
+  /// Rows around a point, each with as many slices as a nested grid's triangle comes down to.
+  static constexpr int kMaxCorners = kMaxPointRows * kMaxStandIns;
   static constexpr float kAlike = 0.5f;
 
   int Strongest() const {

@@ -45,7 +45,7 @@ void PutRecord(std::byte* at, const Section& s) {
 Result<Section> GetRecord(const std::byte* at) {
   Section s;
   const auto kind = Get<uint32_t>(at), codec = Get<uint32_t>(at + 4);
-  if (kind < 1 || kind > static_cast<uint32_t>(Kind::kTable) ||
+  if (kind < 1 || kind > static_cast<uint32_t>(Kind::kNodes) ||
       codec > static_cast<uint32_t>(Codec::kDraco)) {
     return BadInput("footer: unknown kind or coding of a section; a newer Glint may read it");
   }
@@ -90,6 +90,8 @@ std::string Section::Name() const {
       return "cameras";
     case Kind::kReport:
       return "report";
+    case Kind::kNodes:
+      return "nodes";
     case Kind::kTable:
       return "table " + std::to_string(layer) + "/" + std::to_string(slot);
   }
@@ -108,8 +110,9 @@ std::array<std::byte, kHeaderBytes> EncodeHeader(const Header& header) {
   Put(at + 28, header.slice_lobes);
   Put(at + 32, header.vertices);
   Put(at + 40, header.triangles);
-  Put(at + 80, header.base_level);
   std::memcpy(at + 48, header.archive_key.bytes.data(), header.archive_key.bytes.size());
+  Put(at + 80, header.base_level);
+  Put(at + 88, header.rows);
   Put(at + kHeaderChecksumOffset, Checksum64({at, kHeaderChecksumOffset}));
   return out;
 }
@@ -137,13 +140,14 @@ Result<Header> DecodeHeader(std::span<const std::byte> file) {
   header.triangles = Get<uint64_t>(at + 40);
   std::memcpy(header.archive_key.bytes.data(), at + 48, header.archive_key.bytes.size());
   header.base_level = Get<uint32_t>(at + 80);
-  if (Get<uint32_t>(at + 12) != kHeaderBytes || !AllZero({at + 84, 36})) {
+  header.rows = Get<uint64_t>(at + 88);
+  if (Get<uint32_t>(at + 12) != kHeaderBytes || !AllZero({at + 84, 4}) || !AllZero({at + 96, 24})) {
     return BadInput("header: reserved bytes are set; a newer Glint may read it");
   }
   if (header.grid_level > DirectionGrid::kMaxLevel || header.base_level > header.grid_level ||
       header.layers > kMaxLayers || header.slots > static_cast<uint32_t>(kMaxBrdfLobes) ||
       header.slice_lobes < 1 || header.slice_lobes > static_cast<uint32_t>(kMaxSliceLobes) ||
-      header.vertices > kMaxVertices || header.triangles > kMaxTriangles) {
+      header.vertices > kMaxVertices || header.triangles > kMaxTriangles || header.rows > kMaxVertices) {
     return BadInput("header: a count is out of range; bake it again");
   }
   return header;

@@ -17,7 +17,7 @@ namespace glint::archive_format {
 
 inline constexpr std::array<char, 8> kMagic = {'G', 'L', 'I', 'N', 'T', '\r', '\n', '\x1a'};
 inline constexpr std::array<char, 8> kEndMagic = {'G', 'L', 'I', 'N', 'T', 'E', 'N', 'D'};
-inline constexpr uint32_t kVersion = 3;
+inline constexpr uint32_t kVersion = 4;
 
 inline constexpr uint64_t kHeaderBytes = 128;
 inline constexpr uint64_t kVersionOffset = 8;           ///< in the header
@@ -39,7 +39,8 @@ enum class Kind : uint32_t {
   kShapes = 3,
   kCameras = 4,
   kReport = 5,
-  kTable = 6
+  kTable = 6,
+  kNodes = 7
 };
 enum class Codec : uint32_t { kRaw = 0, kZstd = 1, kDraco = 2 };
 
@@ -50,7 +51,7 @@ struct Header {
   uint32_t slots = 0;  ///< specular tables of each layer; one diffuse table follows them
   uint32_t slice_lobes =
       1;  ///< sets of such tables of layers above 0: first lobes of the slices, second, ...
-  uint64_t vertices = 0, triangles = 0;
+  uint64_t vertices = 0, triangles = 0, rows = 0;
   Digest archive_key;
 
   /// Tables of a layer: for each lobe of a slice, the specular slots', then the diffuse one.

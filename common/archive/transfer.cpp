@@ -19,12 +19,12 @@
 namespace glint {
 namespace {
 
-/// Where a look-up reads: corner (vertex i, column j) has its weight at [i * kColumns + j].
+/// Where a look-up reads: corner (row i, column j) has its weight at [i * kColumns + j].
 template <int kColumns>
 struct Corners {
-  const std::array<uint32_t, 3>& vertex;
+  std::span<const uint32_t> rows;
   const std::array<uint32_t, kColumns>& column;
-  const std::array<float, 3 * kColumns>& weight;
+  const std::array<float, kMaxPointRows * kColumns>& weight;
 };
 
 /// The same in nested tables: what stands in for the corners' slices.
@@ -32,7 +32,7 @@ struct NestedCorners {
   const DirectionGrid& grid;
   const TransferPoint& point;
 
-  /// VisitStandIns in the row of vertex i.
+  /// VisitStandIns in the i-th row.
   template <class Visit>
   void VisitRow(int i, const SliceTableView::RowView& row, const Visit& visit) const {
     const float* w = &point.corner_weight[3 * i];
@@ -44,7 +44,7 @@ struct NestedCorners {
     if (point.whole[i]) {
       stand_ins([](uint32_t) { return true; });
     } else {
-      const glm::vec3& n = point.vertex_normal[i];
+      const glm::vec3& n = point.row_normal[i];
       stand_ins([&](uint32_t column) { return glm::dot(n, grid.direction(column)) > 0; });
     }
   }
@@ -54,8 +54,8 @@ struct NestedCorners {
 template <int kColumns>
 DirectLobe InterpolateDirect(const SliceTableView& table, const Corners<kColumns>& corners) {
   DirectBlend blend;
-  for (int i = 0; i < 3; ++i) {
-    const SliceTableView::RowView row = table.Row(corners.vertex[i]);
+  for (size_t i = 0; i < corners.rows.size(); ++i) {
+    const SliceTableView::RowView row = table.Row(corners.rows[i]);
     for (int j = 0; j < kColumns; ++j) {
       const float w = corners.weight[i * kColumns + j];
       const std::byte* entry = row.empty() || w <= 0 ? nullptr : row.Find(corners.column[j]);
@@ -71,8 +71,8 @@ DirectLobe InterpolateDirect(const SliceTableView& table, const Corners<kColumns
 
 DirectLobe InterpolateDirect(const SliceTableView& table, const NestedCorners& corners) {
   DirectBlend blend;
-  for (int i = 0; i < 3; ++i)
-    corners.VisitRow(i, table.Row(corners.point.vertex[i]), [&](uint32_t, float w, const std::byte* entry) {
+  for (int i = 0; i < corners.point.rows; ++i)
+    corners.VisitRow(i, table.Row(corners.point.row[i]), [&](uint32_t, float w, const std::byte* entry) {
       if (entry) {
         blend.Add(w, DecodeDirect(entry, table.entry_bytes()));
       } else {
@@ -82,14 +82,14 @@ DirectLobe InterpolateDirect(const SliceTableView& table, const NestedCorners& c
   return blend.Lobe();
 }
 
-/// Rows of a vertex in a slot's tables, one for each lobe of a slice.
+/// Rows of a bake vertex in a slot's tables, one for each lobe of a slice.
 class LobeRows {
  public:
-  LobeRows(const LayerViews& layer, uint32_t slot, uint32_t vertex) {
+  LobeRows(const LayerViews& layer, uint32_t slot, uint32_t row) {
     // Where a row is empty, so are those of further lobes.
     for (; lobes_ < layer.lobes(); ++lobes_) {
       const SliceTableView& table = layer.table(lobes_, slot);
-      row_[lobes_] = table.Row(vertex);
+      row_[lobes_] = table.Row(row);
       entry_bytes_[lobes_] = table.entry_bytes();
       if (row_[lobes_].empty()) return;
     }
@@ -115,8 +115,8 @@ class LobeRows {
 template <int kColumns, class Visit>
 void VisitIndirect(const LayerViews& layer, uint32_t slot, const Corners<kColumns>& corners,
                    const Visit& visit) {
-  for (int i = 0; i < 3; ++i) {
-    const LobeRows rows(layer, slot, corners.vertex[i]);
+  for (int i = 0; i < static_cast<int>(corners.rows.size()); ++i) {
+    const LobeRows rows(layer, slot, corners.rows[i]);
     for (int j = 0; !rows.empty() && j < kColumns; ++j) {
       const int corner = i * kColumns + j;
       const float w = corners.weight[corner];
@@ -130,8 +130,8 @@ void VisitIndirect(const LayerViews& layer, uint32_t slot, const Corners<kColumn
 template <class Visit>
 void VisitIndirect(const LayerViews& layer, uint32_t slot, const NestedCorners& corners, const Visit& visit) {
   int corner = 0;
-  for (int i = 0; i < 3; ++i) {
-    const LobeRows rows(layer, slot, corners.point.vertex[i]);
+  for (int i = 0; i < corners.point.rows; ++i) {
+    const LobeRows rows(layer, slot, corners.point.row[i]);
     if (rows.empty()) continue;
     corners.VisitRow(i, rows.first(), [&](uint32_t column, float w, const std::byte* entry) {
       rows.ForEach(column, entry, [&](const IndirectLobe& lobe) { visit(corner, w, lobe); });
@@ -181,7 +181,10 @@ std::array<glm::vec3, 2> IncidenceAxes(const glm::vec3& normal, const glm::vec3&
 }
 
 TransferReader::TransferReader(const BakeDomain& domain, const DirectionGrid& grid)
-    : domain_(domain), grid_(grid), samplers_(MakeSliceSamplers(domain.shapes)) {}
+    : domain_(domain), grid_(grid), facet_rows_(domain), samplers_(MakeSliceSamplers(domain.shapes)) {
+  row_normals_.reserve(domain.row_count());
+  for (uint32_t row = 0; row < domain.row_count(); ++row) row_normals_.push_back(domain.Row(row).normal);
+}
 
 BrdfSlice TransferReader::BlendSlices(const std::array<uint32_t, 3>& vertex,
                                       const std::array<float, 3>& weight, float cos_o) const {
@@ -259,7 +262,7 @@ void TransferReader::WeighCorners(TransferPoint* point) const {
   // Normals at odds with their face: wo is under the horizon of every corner. The slices for the direction of
   // the interpolated normal n stand in; one of them is defined, as the sum of w_i n_i . n is |n|^2.
   glm::vec3 n(0);
-  for (int i = 0; i < 3; ++i) n += point->vertex_weight[i] * domain_.normals[point->vertex[i]];
+  for (int i = 0; i < point->rows; ++i) n += point->row_weight[i] * row_normals_[point->row[i]];
   WeighCornersAround(UnitOr(point->back ? -n : n, point->normal), point);
 }
 
@@ -269,18 +272,18 @@ bool TransferReader::WeighCornersAround(const glm::vec3& direction, TransferPoin
   point->grid_triangle = location.triangle;
   const float side = point->back ? -1.0f : 1.0f;
   float total = 0;
-  for (int i = 0; i < 3; ++i) {
-    const glm::vec3 n = side * domain_.normals[point->vertex[i]];
-    point->vertex_normal[i] = n;
+  for (int i = 0; i < point->rows; ++i) {
+    const glm::vec3 n = side * row_normals_[point->row[i]];
+    point->row_normal[i] = n;
     for (int j = 0; j < 3; ++j) {
       const bool defined = glm::dot(n, grid_.direction(location.index[j])) > 0;
-      const float w = defined ? point->vertex_weight[i] * location.weight[j] : 0.0f;
+      const float w = defined ? point->row_weight[i] * location.weight[j] : 0.0f;
       point->corner_weight[3 * i + j] = w;
       total += w;
     }
   }
   const float scale = total > 0 ? 1 / total : 0;
-  for (float& w : point->corner_weight) w *= scale;
+  for (int i = 0; i < 3 * point->rows; ++i) point->corner_weight[i] *= scale;
   if (grid_.nested()) CompareWithHorizons(point);
   return total > 0;
 }
@@ -288,11 +291,26 @@ bool TransferReader::WeighCornersAround(const glm::vec3& direction, TransferPoin
 void TransferReader::CompareWithHorizons(TransferPoint* point) const {
   const int levels = grid_.level() - grid_.base_level();
   const auto& corners = grid_.triangles(grid_.base_level())[point->grid_triangle >> (2 * levels)];
-  for (int i = 0; i < 3; ++i) {
-    const glm::vec3& n = point->vertex_normal[i];
+  for (int i = 0; i < point->rows; ++i) {
+    const glm::vec3& n = point->row_normal[i];
     point->whole[i] = std::all_of(corners.begin(), corners.end(),
                                   [&](uint32_t column) { return glm::dot(n, grid_.direction(column)) > 0; });
   }
+}
+
+void TransferReader::FindRows(TransferPoint* point) const {
+  std::array<float, 3> weight = point->vertex_weight;
+  float total = 0;
+  point->rows = 0;
+  for (const FacetRows::Row& row : facet_rows_.Locate(point->triangle, &weight)) {
+    const float w = row.At(weight);
+    point->row[point->rows] = row.row;
+    point->row_weight[point->rows++] = w;
+    total += w;
+  }
+  // Less than 1 only beside nodes for which nobody answers.
+  if (total > 0 && total < 0.999f)
+    for (int i = 0; i < point->rows; ++i) point->row_weight[i] /= total;
 }
 
 bool TransferReader::Prepare(uint32_t triangle, float u, float v, const glm::vec3& wo,
@@ -305,6 +323,7 @@ bool TransferReader::Prepare(uint32_t triangle, float u, float v, const glm::vec
   point->vertex_weight = {1 - u - v, u, v};
   if (!OrientNormal(triangle, point->vertex_weight, point)) return false;
   InterpolateReflectance(point->vertex_weight, point);
+  FindRows(point);
   WeighCorners(point);
   return true;
 }
@@ -315,16 +334,16 @@ void TransferReader::Read(const TransferPoint& point, const LayerViews& layer, i
   if (layer.nested) {
     ReadSpecular(point, layer, index, NestedCorners{grid_, point}, out);
   } else {
-    ReadSpecular(point, layer, index, Corners<3>{point.vertex, point.column, point.corner_weight}, out);
+    ReadSpecular(point, layer, index, Corners<3>{point.Rows(), point.column, point.corner_weight}, out);
   }
   if (point.diffuse_albedo.x + point.diffuse_albedo.y + point.diffuse_albedo.z <= 0) return;
   const std::array<uint32_t, 1> side = {point.back ? 1u : 0u};
-  const Corners<1> vertices{point.vertex, side, point.vertex_weight};
+  const Corners<1> corners{point.Rows(), side, point.row_weight};
   if (index > 0) {
-    ReadIndirect(layer, layer.diffuse_slot(), vertices, point.diffuse_albedo, out);
+    ReadIndirect(layer, layer.diffuse_slot(), corners, point.diffuse_albedo, out);
     return;
   }
-  const DirectLobe direct = InterpolateDirect(layer.diffuse, vertices);
+  const DirectLobe direct = InterpolateDirect(layer.diffuse, corners);
   if (direct.fraction > 0)
     out->Add({point.diffuse_albedo * direct.fraction, UnitOr(point.normal + direct.shift, point.normal),
               kCosineKappa * direct.kappa_ratio, true});

@@ -10,6 +10,7 @@
 #include "common/archive/blend.h"
 #include "common/domain/bake_domain.h"
 #include "common/domain/direction_grid.h"
+#include "common/domain/facet_rows.h"
 #include "common/lobes/slice_sampler.h"
 #include "common/lobes/vmf.h"
 
@@ -27,16 +28,21 @@ struct TransferPoint {
   glm::vec3 diffuse_albedo{0};
   BrdfSlice slice;  ///< unoccluded lobes at cos_o, as AboveHorizon reads them out
   std::array<glm::vec3, kMaxBrdfLobes> lobe_mu;  ///< their directions, world
-  std::array<uint32_t, 3> vertex{};
-  std::array<uint32_t, 3> column{};  ///< grid directions around wo
-  uint32_t grid_triangle = 0;        ///< of them
-  /// Weight of (vertex i, column j) at [3 i + j]: 0 where the direction lies under the vertex's own horizon
-  /// (no slice is defined there), and the rest add up to 1.
-  std::array<float, 9> corner_weight{};
-  std::array<glm::vec3, 3> vertex_normal{};  ///< unit, of wo's side
-  /// Of vertex i: the whole triangle of the grid's base level around wo is above its horizon.
-  std::array<bool, 3> whole{};
-  std::array<float, 3> vertex_weight{};  ///< barycentric, for slices that do not depend on wo
+  std::array<uint32_t, 3> vertex{};              ///< of the triangle
+  std::array<float, 3> vertex_weight{};          ///< barycentric
+  int rows = 0;                                  ///< bake vertices that answer here
+  std::array<uint32_t, kMaxPointRows> row{};
+  std::array<float, kMaxPointRows> row_weight{};  ///< for slices that do not depend on wo; add up to 1
+  std::array<uint32_t, 3> column{};               ///< grid directions around wo
+  uint32_t grid_triangle = 0;                     ///< of them
+  /// Weight of (row i, column j) at [3 i + j]: 0 where the direction lies under the row's own horizon (no
+  /// slice is defined there), and the rest add up to 1.
+  std::array<float, 3 * kMaxPointRows> corner_weight{};
+  std::array<glm::vec3, kMaxPointRows> row_normal{};  ///< unit, of wo's side
+  /// Of row i: the whole triangle of the grid's base level around wo is above its horizon.
+  std::array<bool, kMaxPointRows> whole{};
+
+  std::span<const uint32_t> Rows() const { return {row.data(), static_cast<size_t>(rows)}; }
 };
 
 /// One term of a point's transfer: radiance = alpha * (environment filtered by the lobe). With `cosine` set
@@ -67,7 +73,7 @@ struct LayerLobes {
 /// side. At normal incidence, where every plane will do, x is some tangent.
 std::array<glm::vec3, 2> IncidenceAxes(const glm::vec3& normal, const glm::vec3& wo);
 
-/// Reads slices at any point and direction by interpolation over the triangle's vertices and the grid
+/// Reads slices at any point and direction by interpolation over the bake vertices around and the grid
 /// directions around wo (laurijssen2011 Eq. 7); lobes further apart than 2 / sqrt(kappa) are kept apart.
 /// Thread-safe.
 class TransferReader {
@@ -82,6 +88,8 @@ class TransferReader {
  private:
   bool OrientNormal(uint32_t triangle, const std::array<float, 3>& barycentric, TransferPoint* point) const;
   void InterpolateReflectance(const std::array<float, 3>& barycentric, TransferPoint* point) const;
+  /// Bake vertices around the point and their weights.
+  void FindRows(TransferPoint* point) const;
   void WeighCorners(TransferPoint* point) const;
   /// Corners' weights for the slices around `direction`. False if none of them is defined.
   bool WeighCornersAround(const glm::vec3& direction, TransferPoint* point) const;
@@ -94,6 +102,8 @@ class TransferReader {
 
   const BakeDomain& domain_;
   const DirectionGrid& grid_;
+  const FacetRows facet_rows_;
+  std::vector<glm::vec3> row_normals_;
   std::vector<SliceSampler> samplers_;  ///< of domain_.shapes
 };
 

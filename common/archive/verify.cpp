@@ -28,7 +28,7 @@ Status CheckVertices(const BakeDomain& domain) {
 
 /// The cell `row * columns + column` in words.
 std::string CellName(const SliceTableView& table, uint64_t cell) {
-  return "vertex " + std::to_string(cell / table.columns()) + ", direction " +
+  return "bake vertex " + std::to_string(cell / table.columns()) + ", direction " +
          std::to_string(cell % table.columns());
 }
 
@@ -63,11 +63,11 @@ Status CheckEntries(const SliceTableView& table, bool direct, int threads) {
   return {};
 }
 
-/// Nothing is seen from behind a single-sided vertex.
+/// Nothing is seen from behind a single-sided bake vertex.
 Status CheckSides(const SliceTableView& diffuse, const BakeDomain& domain) {
-  for (uint32_t v = 0; v < domain.vertex_count(); ++v) {
-    if (!domain.double_sided[v] && diffuse.Find(v, 1) != nullptr) {
-      return Mismatch("vertex " + std::to_string(v) +
+  for (uint32_t v = 0; v < domain.row_count(); ++v) {
+    if (!domain.Row(v).double_sided && diffuse.Find(v, 1) != nullptr) {
+      return Mismatch("bake vertex " + std::to_string(v) +
                       ": single-sided, but it has a slice of its back; bake again");
     }
   }

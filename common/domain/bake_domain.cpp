@@ -48,6 +48,36 @@ glm::vec3 BakeDomain::FaceNormal(uint32_t triangle) const {
   return length > 0 ? glm::vec3(cross / length) : glm::vec3(0);
 }
 
+BakeVertex BakeDomain::Node(uint32_t node) const {
+  if (node < vertex_count())
+    return {node, normals[node], shape[node], double_sided[node] != 0, specular[node], diffuse[node]};
+  const SurfacePlace& place = nodes.facets.middles()[node - vertex_count()].place;
+  const auto& t = triangles[place.triangle];
+  const float w[3] = {1 - place.u - place.v, place.u, place.v};
+  glm::vec3 normal(0), ks(0), kd(0);
+  int nearest = 0;
+  for (int i = 0; i < 3; ++i) {
+    normal += w[i] * normals[t[i]];
+    ks += w[i] * specular[t[i]];
+    kd += w[i] * diffuse[t[i]];
+    if (w[i] > w[nearest]) nearest = i;
+  }
+  const float length = glm::length(normal);
+  return {node,
+          length > 1e-10f ? normal / length : FaceNormal(place.triangle),
+          shape[t[nearest]],
+          triangle_double_sided[place.triangle] != 0,
+          ks,
+          kd};
+}
+
+glm::vec3 BakeDomain::NodePosition(uint32_t node) const {
+  if (node < vertex_count()) return positions[node];
+  const SurfacePlace& place = nodes.facets.middles()[node - vertex_count()].place;
+  const auto& t = triangles[place.triangle];
+  return (1 - place.u - place.v) * positions[t[0]] + place.u * positions[t[1]] + place.v * positions[t[2]];
+}
+
 Brdf ToBrdf(const SurfacePoint& point) {
   Brdf brdf;
   if (point.model == MaterialModel::kMetallicRoughness) {

@@ -18,7 +18,11 @@ void HashSettings(const BakeSettings& s, Hasher* hasher) {
       .Add(s.lobe_tolerance)
       .Add(s.seed)
       .Add(s.fit.max_lobes)
-      .Add(s.fit.tolerance);
+      .Add(s.fit.tolerance)
+      .Add(s.spatial_tolerance)
+      .Add(s.smallest_edge)
+      .Add(s.max_vertices)
+      .Add(s.subdivide);
 }
 
 }  // namespace glint

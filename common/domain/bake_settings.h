@@ -49,6 +49,12 @@ struct BakeSettings {
   float lobe_tolerance = 0.2f;
   uint64_t seed = 1;
   BrdfFitOptions fit;
+  /// Relative error of relit radiance up to which slices are predicted from other vertices' instead of baked;
+  /// 0: every vertex of the mesh is baked, and no other
+  float spatial_tolerance = 0;
+  float smallest_edge = 1.0f / 512;  ///< shorter edges are not halved; part of the diagonal of the bounds
+  uint32_t max_vertices = 0;         ///< that are baked, in all; worst first. 0: any number
+  int subdivide = 0;                 ///< faces are split in four, this often, everywhere
 
   /// Level up to which each direction has a slice of its own: the grid's, unless some are left out.
   int BaseLevel() const {
@@ -66,8 +72,8 @@ struct BakeSettings {
 /// Feeds every field of the settings.
 void HashSettings(const BakeSettings& settings, Hasher* hasher);
 
-/// A block of bake vertices and grid columns: what a task computes. Slices that do not depend on the view
-/// direction go with the block that holds column 0.
+/// A block of bake vertices (rows) and grid columns: what a task computes. Slices that do not depend on the
+/// view direction go with the block that holds column 0.
 struct GatherBlock {
   uint32_t first_vertex = 0, vertices = 0;
   uint32_t first_column = 0, columns = 0;

@@ -5,13 +5,14 @@
 #include <type_traits>
 
 #include "common/domain/direction_grid.h"
+#include "common/domain/facet_tree.h"
 #include "common/round/json_field.h"
 
 namespace glint {
 namespace {
 
 constexpr int kMaxRays = 1 << 20;
-static_assert(sizeof(BakeSettings) == 72 && sizeof(BrdfFitOptions) == 8,
+static_assert(sizeof(BakeSettings) == 88 && sizeof(BrdfFitOptions) == 8,
               "a field was added or taken away: do the same below");
 
 /// Calls visit(name, field, low, high) for every number of the settings.
@@ -33,6 +34,10 @@ void VisitNumbers(Settings& s, const Visit& visit) {
   visit("seed", s.seed, uint64_t{0}, std::numeric_limits<uint64_t>::max());
   visit("fit_max_lobes", s.fit.max_lobes, 1, kMaxBrdfLobes);
   visit("fit_tolerance", s.fit.tolerance, 0.0f, 1.0f);
+  visit("spatial_tolerance", s.spatial_tolerance, 0.0f, 1.0f);
+  visit("smallest_edge", s.smallest_edge, 0.0f, 1.0f);
+  visit("max_vertices", s.max_vertices, uint32_t{0}, FacetTree::kMaxNodes);
+  visit("subdivide", s.subdivide, 0, FacetTree::kMaxDepth);
 }
 
 }  // namespace

@@ -179,7 +179,7 @@ TEST_F(ArchiveTest, SectionsTellWhereBytesAre) {
   const auto bytes = Write(&c);
   const auto archive = Archive::Open(Path());
   ASSERT_TRUE(archive.ok());
-  ASSERT_EQ(archive->sections().size(), 5u + 3 + 2 * 3);
+  ASSERT_EQ(archive->sections().size(), 6u + 3 + 2 * 3);
   uint64_t end = archive_format::kHeaderBytes;
   for (const SectionInfo& s : archive->sections()) {
     EXPECT_EQ(s.offset % 64, 0u);
@@ -262,9 +262,9 @@ TEST_F(ArchiveTest, ResealedDamageIsRefusedOrHarmless) {
       CounterRng rng(23, i);
       auto bad = good;
       // Headers and records are a small part of the bytes: half of the flips go there.
-      const size_t frame_at = bad.size() - 64 - 14 * 64;
+      const size_t frame_at = bad.size() - 64 - 15 * 64;
       const size_t at = i % 4 == 0   ? rng.Bits() % 128
-                        : i % 4 == 1 ? frame_at + rng.Bits() % (15 * 64)
+                        : i % 4 == 1 ? frame_at + rng.Bits() % (16 * 64)
                                      : rng.Bits() % bad.size();
       bad[at] = static_cast<std::byte>(rng.Bits() & 255);
       Reseal(bad);

@@ -41,10 +41,13 @@ class BakeCrashTest : public testing::Test {
   }
 
   ProcessResult Bake(const std::vector<std::string>& environment = {}, const ProcessSignal& stop = {}) const {
-    return RunProcess(
-        {GLINT_PROGRAM, "bake", (folder_ / "scene.glb").string(), "-o", out().string(), "--directions", "162",
-         "--layers", "1", "--max-rays", "512", "--vertices-per-task", "100", "--threads", "2"},
-        environment, stop);
+    std::vector<std::string> command = {GLINT_PROGRAM, "bake",         (folder_ / "scene.glb").string(),
+                                        "-o",          out().string(), "--directions",
+                                        "162",         "--layers",     "1",
+                                        "--max-rays",  "512",          "--vertices-per-task",
+                                        "100",         "--threads",    "2"};
+    command.insert(command.end(), more_arguments_.begin(), more_arguments_.end());
+    return RunProcess(command, environment, stop);
   }
   /// Ends bakes, each one as `end` says (from 1 on), until one gets to its end; then checks what it left.
   template <class End>
@@ -84,6 +87,7 @@ class BakeCrashTest : public testing::Test {
   fs::path work() const { return folder_ / "out.glint.work"; }
 
   const TempFolder folder_;
+  std::vector<std::string> more_arguments_;
   double seconds_ = 0;
   size_t tasks_ = 0;
   std::vector<std::byte> expected_;
@@ -157,6 +161,22 @@ TEST_P(BakeStopTest, EndsInOrderAndGoesOn) {
 
 INSTANTIATE_TEST_SUITE_P(Signals, BakeStopTest, testing::Values(SIGINT, SIGTERM),
                          [](const auto& s) { return s.param == SIGINT ? "Interrupt" : "Terminate"; });
+
+/// Bakes that choose their vertices.
+class RefinedCrashTest : public BakeCrashTest {
+ protected:
+  RefinedCrashTest() { more_arguments_ = {"--spatial-tolerance", "0.1", "--smallest-edge", "0.05"}; }
+};
+
+TEST_F(RefinedCrashTest, GoesOnWhereItWas) {
+  int kills = 0;
+  BakeThroughKills([&](int attempt) {
+    const ProcessResult result = Bake({"GLINT_CRASH_AT=after-rename:" + std::to_string(attempt)});
+    kills += result.signal == SIGKILL;
+    return result;
+  });
+  EXPECT_GE(kills, 4);
+}
 
 }  // namespace
 }  // namespace glint

@@ -15,6 +15,7 @@
 namespace glint {
 namespace {
 
+using bake_fixture::BallOnFloor;
 using bake_fixture::BytesOf;
 using bake_fixture::Generated;
 using bake_fixture::GeneratedPaint;
@@ -37,7 +38,7 @@ struct Case {
   const char* name;
   GatherMethod method;
   Scene (*scene)();
-  float angular_tolerance = 0;
+  float angular_tolerance = 0, spatial_tolerance = 0;
 };
 
 class BakeDeterminismTest : public testing::TestWithParam<Case> {};
@@ -55,6 +56,8 @@ TEST_P(BakeDeterminismTest, ThreadsPartitionAndMemoryDoNotShow) {
   options.settings.angular_tolerance = GetParam().angular_tolerance;
   options.settings.grid_level = GetParam().angular_tolerance > 0 ? 2 : 1;
   options.settings.base_level = 0;
+  options.settings.spatial_tolerance = GetParam().spatial_tolerance;
+  options.settings.smallest_edge = 1.0f / 32;
   options.threads = 1;
   const Baked expected = BakeHere(scene, options);
   ASSERT_FALSE(expected.archive.empty());
@@ -80,13 +83,17 @@ TEST_P(BakeDeterminismTest, ThreadsPartitionAndMemoryDoNotShow) {
 
 INSTANTIATE_TEST_SUITE_P(
     Scenes, BakeDeterminismTest,
-    testing::Values(Case{"SharedKnot", GatherMethod::kShared, [] { return Generated("knot"); }},
-                    Case{"PaperKnot", GatherMethod::kPaper, [] { return Generated("knot"); }},
-                    Case{"SharedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); }},
-                    Case{"PaperPaint", GatherMethod::kPaper, [] { return GeneratedPaint("planes"); }},
-                    Case{"NestedKnot", GatherMethod::kShared, [] { return Generated("knot"); }, 0.05f},
-                    Case{"NestedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); },
-                         0.05f}),
+    testing::Values(
+        Case{"SharedKnot", GatherMethod::kShared, [] { return Generated("knot"); }},
+        Case{"PaperKnot", GatherMethod::kPaper, [] { return Generated("knot"); }},
+        Case{"SharedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); }},
+        Case{"PaperPaint", GatherMethod::kPaper, [] { return GeneratedPaint("planes"); }},
+        Case{"NestedKnot", GatherMethod::kShared, [] { return Generated("knot"); }, 0.05f},
+        Case{"NestedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); }, 0.05f},
+        Case{"RefinedFloor", GatherMethod::kShared, BallOnFloor, 0, 0.2f},
+        Case{"RefinedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); }, 0, 0.2f},
+        Case{"RefinedPaper", GatherMethod::kPaper, BallOnFloor, 0, 0.2f},
+        Case{"RefinedNestedFloor", GatherMethod::kShared, BallOnFloor, 0.05f, 0.2f}),
     [](const auto& c) { return std::string(c.param.name); });
 
 TEST(BakeSettingsTest, WhatDecidesTheResultShows) {
@@ -100,7 +107,9 @@ TEST(BakeSettingsTest, WhatDecidesTheResultShows) {
       [](BakeOptions* o) { o->settings.drop = 0.1f; },
       [](BakeOptions* o) { o->settings.split_levels = 2; },
       [](BakeOptions* o) { o->settings.method = GatherMethod::kPaper; },
-      [](BakeOptions* o) { o->settings.angular_tolerance = 0.1f, o->settings.base_level = 0; }};
+      [](BakeOptions* o) { o->settings.angular_tolerance = 0.1f, o->settings.base_level = 0; },
+      [](BakeOptions* o) { o->settings.spatial_tolerance = 0.2f; },
+      [](BakeOptions* o) { o->settings.subdivide = 1; }};
   for (const auto& change : changes) {
     BakeOptions changed = options;
     change(&changed);
@@ -207,8 +216,7 @@ TEST(MergeLayerTest, OrderOfTasksDoesNotShow) {
     for (const TaskSpec& task : order)
       ASSERT_TRUE((*executor)->Run({{&task, 1}, nullptr}, [&](size_t, bool there) { done += !there; }).ok());
     EXPECT_EQ(done, tasks.size());
-    const Result<Layer> layer =
-        MergeLayer(*store, tasks, domain, grid, settings, TableForm::kCompact, 2);
+    const Result<Layer> layer = MergeLayer(*store, tasks, domain, grid, settings, TableForm::kCompact, 2);
     ASSERT_TRUE(layer.ok()) << layer.status().message();
     digests.push_back(layer->digest);
     EXPECT_GT(layer->stored[0], 0u);

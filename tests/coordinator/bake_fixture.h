@@ -33,6 +33,24 @@ inline Scene GeneratedPaint(const std::string& name, uint32_t vertices = 500) {
   return scene;
 }
 
+/// A floor of two triangles under a ball: far too few vertices beside enough of them.
+inline Scene BallOnFloor() {
+  Scene scene = Generated("sphere", 700);
+  const auto first = static_cast<uint32_t>(scene.positions.size());
+  for (const glm::vec2 corner : {glm::vec2(-4, -4), {-4, 4}, {4, 4}, {4, -4}}) {
+    scene.positions.push_back({corner.x, -1.1f, corner.y});
+    scene.normals.push_back({0, 1, 0});
+    scene.uvs.push_back({0, 0});
+    scene.colors.push_back({1, 1, 1, 1});
+    scene.vertex_material.push_back(0);
+  }
+  scene.triangles.push_back({first, first + 1, first + 2});
+  scene.triangles.push_back({first, first + 2, first + 3});
+  scene.triangle_material.insert(scene.triangle_material.end(), 2, 0);
+  scene.content = HashScene(scene);
+  return scene;
+}
+
 /// Few directions and layers: a bake of a fraction of a second.
 inline BakeOptions SmallOptions(GatherMethod method = GatherMethod::kShared) {
   BakeOptions options;

@@ -17,7 +17,7 @@ TEST(BakeDomain, OneShapePerDistinctReflectance) {
   ASSERT_EQ(domain.vertex_count(), scene->positions.size());
   EXPECT_LE(domain.shapes.size(), scene->materials.size());
   for (uint32_t v = 0; v < domain.vertex_count(); ++v) {
-    const Brdf exact = ToBrdf(EvaluateVertexMaterial(*scene, v)), stored = domain.VertexBrdf(v);
+    const Brdf exact = ToBrdf(EvaluateVertexMaterial(*scene, v)), stored = domain.BrdfOf(domain.Node(v));
     ASSERT_EQ(stored.model, exact.model);
     ASSERT_EQ(stored.shape, exact.shape);
     ASSERT_EQ(stored.specular, exact.specular);
