@@ -19,7 +19,7 @@ namespace glint {
 /// archive's own lets the causes in (docs/error-estimate.md).
 enum class ErrorCause : uint8_t {
   kLobes,    ///< a slice is read out as one or a few lobes for each lobe of the BRDF
-  kBits,     ///< and stored in 12 bytes, or not at all where it changes little
+  kBits,     ///< and stored in 6 to 12 bytes, or not at all where it changes little
   kAngular,  ///< for some view directions only
   kSpatial,  ///< at vertices only
   kBelow,    ///< it gathers the layer below as the archive has it, with that layer's errors

@@ -38,8 +38,8 @@ struct BakeSettings {
   int paper_rays = 144;  ///< kPaper: rays per lobe, slice and layer
   float drop =
       1.0f / 1024;  ///< relative change of a slice below which it counts as free (layer 0) or nothing
-  /// Entries of a table get the fewest bits with which its slices' relative error (rms) is at most this; 0: 12
-  /// bytes
+  /// Entries of a table get the fewest bits with which its slices' relative error (rms) is at most this; 0:
+  /// 12 bytes
   float bits_tolerance = 0.004f;
   /// kShared: indirect light is read out as up to this many lobes for each of a slice's BRDF,
   /// 1 .. kMaxSliceLobes ...

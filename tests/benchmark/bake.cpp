@@ -134,8 +134,8 @@ class Contest {
         other->BeginLayer(layer, views, threads_);
       RunLayer(tasks, &store, &outcome);
       if (args_.slices > 0) MeasureErrors(layer, &outcome);
-      Result<Layer> merged = MergeLayer(store, tasks, domain_, grid_, args_.settings,
-                                        kDefaultTableForm, threads_);
+      Result<Layer> merged =
+          MergeLayer(store, tasks, domain_, grid_, args_.settings, kDefaultTableForm, threads_);
       if (!merged.ok()) {
         std::fprintf(stderr, "merge failed: %s\n", merged.status().message().c_str());
         std::exit(1);
