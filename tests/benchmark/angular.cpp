@@ -11,9 +11,7 @@
 
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <filesystem>
-#include <sstream>
 #include <string>
 #include <vector>
 
@@ -22,6 +20,7 @@
 #include "common/scene/load.h"
 #include "coordinator/bake.h"
 #include "coordinator/error_estimate.h"
+#include "tests/benchmark/benchmark_support.h"
 
 namespace glint {
 namespace {
@@ -34,21 +33,6 @@ struct Arguments {
   uint32_t vertices = 5000, slices = 800;
   BakeOptions bake;
 };
-
-/// Prints what went wrong and ends the program.
-template <class T>
-T Need(Result<T> result) {
-  if (result.ok()) return std::move(result).value();
-  std::fprintf(stderr, "%s\n", result.status().message().c_str());
-  std::exit(1);
-}
-
-std::vector<std::string> Split(const std::string& list, char separator) {
-  std::vector<std::string> parts;
-  std::stringstream stream(list);
-  for (std::string part; std::getline(stream, part, separator);) parts.push_back(part);
-  return parts;
-}
 
 int LevelOf(const std::string& directions) {
   const int level = DirectionGrid::LevelOf(static_cast<uint32_t>(std::stoul(directions)));
@@ -63,12 +47,6 @@ BakeSettings WithGrid(BakeSettings settings, const std::string& grid) {
   if (part.size() > 1) settings.angular_tolerance = std::stof(part[1]);
   if (part.size() > 2) settings.base_level = LevelOf(part[2]);
   return settings;
-}
-
-double CpuSeconds() {
-  timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
 void Run(const Scene& scene, const std::string& name, float exponent, const std::string& grid,

@@ -31,7 +31,6 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <optional>
-#include <sstream>
 #include <string>
 #include <vector>
 
@@ -45,6 +44,7 @@
 #include "common/scene/generate.h"
 #include "common/store/store.h"
 #include "coordinator/layer.h"
+#include "tests/benchmark/benchmark_support.h"
 #include "worker/gather.h"
 #include "worker/slice_lobes.h"
 
@@ -279,13 +279,6 @@ double WallSeconds(const Scene& scene, const std::string& name, const Arguments&
   fs::remove(out);
   fs::remove(out.string() + ".json");
   return seconds;
-}
-
-std::vector<std::string> Split(const std::string& list) {
-  std::vector<std::string> parts;
-  std::stringstream stream(list);
-  for (std::string part; std::getline(stream, part, ',');) parts.push_back(part);
-  return parts;
 }
 
 Arguments Parse(int argc, char** argv) {

@@ -17,9 +17,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <filesystem>
-#include <sstream>
 #include <string>
 #include <vector>
 
@@ -27,6 +25,7 @@
 #include "common/render/environment.h"
 #include "common/scene/generate.h"
 #include "coordinator/bake.h"
+#include "tests/benchmark/benchmark_support.h"
 #include "tests/coordinator/relit_error.h"
 
 namespace glint {
@@ -44,14 +43,6 @@ struct Arguments {
   BakeOptions bake;
 };
 
-/// Prints what went wrong and ends the program.
-template <class T>
-T Need(Result<T> result) {
-  if (result.ok()) return std::move(result).value();
-  std::fprintf(stderr, "%s\n", result.status().message().c_str());
-  std::exit(1);
-}
-
 ErrorEstimate Estimate(const Scene& scene, const Archive& archive, const Arguments& args) {
   const RayScene rays(scene);
   EstimateOptions options;
@@ -60,12 +51,6 @@ ErrorEstimate Estimate(const Scene& scene, const Archive& archive, const Argumen
   options.read_out = args.bake.settings.read_out();
   options.threads = args.bake.threads;
   return Need(EstimateError(archive.domain(), rays, archive.MakeGrid(), archive.layers(), options));
-}
-
-double CpuSeconds() {
-  timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
 void PrintHead(const Arguments& args) {
@@ -97,13 +82,6 @@ void Run(const std::string& name, float exponent, const Arguments& args) {
   std::printf(" %.3f | %.2f |\n", std::sqrt(sum), estimate.all.rms / std::sqrt(sum));
   fs::remove(path);
   fs::remove(path.string() + ".json");
-}
-
-std::vector<std::string> Split(const std::string& list) {
-  std::vector<std::string> parts;
-  std::stringstream stream(list);
-  for (std::string part; std::getline(stream, part, ',');) parts.push_back(part);
-  return parts;
 }
 
 Arguments Parse(int argc, char** argv) {

@@ -11,9 +11,7 @@
 
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <filesystem>
-#include <sstream>
 #include <string>
 #include <vector>
 
@@ -23,6 +21,7 @@
 #include "common/scene/load.h"
 #include "coordinator/bake.h"
 #include "coordinator/error_estimate.h"
+#include "tests/benchmark/benchmark_support.h"
 
 namespace glint {
 namespace {
@@ -38,20 +37,6 @@ struct Arguments {
   BakeOptions bake;
 };
 
-/// Prints what went wrong and ends the program.
-template <class T>
-T Need(Result<T> result) {
-  if (result.ok()) return std::move(result).value();
-  std::fprintf(stderr, "%s\n", result.status().message().c_str());
-  std::exit(1);
-}
-
-double CpuSeconds() {
-  timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
 void Run(const Scene& scene, const std::string& name, const BakeOptions& options, uint32_t slices) {
   const fs::path path = fs::temp_directory_path() / ("glint-spatial-" + std::to_string(getpid()) + ".glint");
   const double begin = CpuSeconds();
@@ -60,7 +45,7 @@ void Run(const Scene& scene, const std::string& name, const BakeOptions& options
   const Archive archive = Need(Archive::Open(path));
   const RayScene rays(scene);
   const ErrorEstimate estimate =
-      Need(EstimateError(archive.domain(), rays, DirectionGrid(archive.grid_level()), archive.layers(),
+      Need(EstimateError(archive.domain(), rays, archive.MakeGrid(), archive.layers(),
                          {slices, options.settings.seed, options.settings.read_out(), options.threads}));
   std::printf("| %s | %g | %d | %llu | %llu | %llu | %.1f | %.2f | %.3f +- %.3f |", name.c_str(),
               options.settings.spatial_tolerance, options.settings.subdivide,
@@ -73,13 +58,6 @@ void Run(const Scene& scene, const std::string& name, const BakeOptions& options
   std::fflush(stdout);
   fs::remove(path);
   fs::remove(path.string() + ".json");
-}
-
-std::vector<std::string> Split(const std::string& list) {
-  std::vector<std::string> parts;
-  std::stringstream stream(list);
-  for (std::string part; std::getline(stream, part, ',');) parts.push_back(part);
-  return parts;
 }
 
 Arguments Parse(int argc, char** argv) {
