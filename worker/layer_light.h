@@ -2,6 +2,7 @@
 
 #include <array>
 #include <atomic>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <glm/vec3.hpp>
@@ -65,7 +66,9 @@ class LayerLight {
     std::array<uint16_t, 4> linear;
     std::array<int16_t, 3> vector;
     uint16_t strength;
-    bool operator==(const Entry&) const = default;
+    bool operator==(const Entry& o) const {  // of some hundred million: without calls
+      return std::bit_cast<std::array<uint64_t, 2>>(*this) == std::bit_cast<std::array<uint64_t, 2>>(o);
+    }
   };
   struct alignas(32) Triangle {
     std::array<uint32_t, 3> vertex;
