@@ -61,6 +61,33 @@ BrdfLobe SliceSampler::SeenLobe(float cos_o, int k) const {
   return InterpolateLobe(Find(c), c, s, k, kSeen);
 }
 
+// First what is looked up, then what takes roots and divisions: the latter loop runs in vector registers.
+void SliceSampler::Lobes(std::span<const float> cos_o, int k, LobeArrays* fitted, LobeArrays* seen) const {
+  LobeArrays* const out[2] = {fitted, seen};
+  for (LobeArrays* lobes : out)
+    for (auto* a : {&lobes->mu_x, &lobes->mu_z, &lobes->kappa}) a->resize(cos_o.size());
+  for (size_t i = 0; i < cos_o.size(); ++i) {
+    const auto [node, t] = Find(std::clamp(cos_o[i], kMinCosine, 1.0f));
+    const Node &a = node[k], &b = node[lobes_ + k];
+    for (const Form form : {kFitted, kSeen}) {
+      out[form]->mu_z[i] = a.along[form] + t * (b.along[form] - a.along[form]);
+      out[form]->mu_x[i] = a.across[form] + t * (b.across[form] - a.across[form]);
+      out[form]->kappa[i] = a.kappa[form] + t * (b.kappa[form] - a.kappa[form]);
+    }
+  }
+  for (LobeArrays* lobes : out) {
+    const float* cosine = cos_o.data();
+    float* const x = lobes->mu_x.data();
+    float* const z = lobes->mu_z.data();
+    for (size_t i = 0; i < cos_o.size(); ++i) {
+      const float c = std::clamp(cosine[i], kMinCosine, 1.0f), s = std::sqrt((1 - c) * (1 + c));
+      const float along = z[i], across = x[i], inverse = 1 / std::sqrt(along * along + across * across);
+      x[i] = (c * across - s * along) * inverse;
+      z[i] = (c * along + s * across) * inverse;
+    }
+  }
+}
+
 void SliceSampler::Weights(float cos_o, BrdfSlice* out) const {
   const auto [node, t] = Find(std::clamp(cos_o, kMinCosine, 1.0f));
   out->lobes = lobes_;
