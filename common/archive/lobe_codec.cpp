@@ -179,10 +179,12 @@ void PutAlpha(const glm::vec3& alpha, int width, BitWriter* bits) {
   const float largest = std::max({alpha.x, alpha.y, alpha.z});
   const int most = (1 << width) - 1, highest = (1 << kExponentBits) - 1 - kExponentBias;
   int exponent = largest > 0 ? std::max(std::ilogb(largest) + 1, -kExponentBias) : -kExponentBias;
-  const auto mantissa = [&](float x) {
-    return static_cast<int>(std::lround(std::ldexp(x, width - exponent)));
-  };
-  if (mantissa(largest) > most && exponent < highest) ++exponent;
+  float scale = std::ldexp(1.0f, width - exponent);
+  const auto mantissa = [&](float x) { return Round(x * scale); };
+  if (mantissa(largest) > most && exponent < highest) {
+    ++exponent;
+    scale /= 2;
+  }
   for (int i = 0; i < 3; ++i) bits->Put(std::min(mantissa(alpha[i]), most), width);
   bits->Put(exponent + kExponentBias, kExponentBits);
 }
