@@ -8,7 +8,7 @@ namespace glint {
 namespace {
 
 /// Neighbouring cells are looked at again if what they send differs by more: part of a white mirror's light.
-constexpr float kUnlikeLight = 0.25f;
+constexpr float kUnlikeLight = 0.2f;
 constexpr int kLooksAgain = 2;
 
 bool Unlike(const HitLight& a, const HitLight& b) {

@@ -12,6 +12,7 @@
 #include <span>
 #include <utility>
 
+#include "common/archive/transfer.h"
 #include "common/lobes/slice_sampler.h"
 #include "common/lobes/vmf.h"
 #include "worker/aimed_lobes.h"
@@ -22,7 +23,6 @@
 #include "worker/layer_light.h"
 #include "worker/light_groups.h"
 #include "worker/slice_encoder.h"
-#include "worker/slice_lobes.h"
 
 namespace glint {
 namespace {

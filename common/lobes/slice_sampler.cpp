@@ -6,6 +6,19 @@
 #include "common/lobes/horizon.h"
 
 namespace glint {
+namespace {
+
+struct Direction {
+  float x, z;
+};
+
+/// Unit, from parts along the mirror direction of wo = (s, c) and across it.
+inline Direction Turn(float along, float across, float c, float s) {
+  const float inverse = 1 / std::sqrt(along * along + across * across);
+  return {(c * across - s * along) * inverse, (c * along + s * across) * inverse};
+}
+
+}  // namespace
 
 // In the frame of BrdfSlice wo = (s, c) in (x, z), the mirror direction is (-s, c), and (c, s) is across it.
 SliceSampler::SliceSampler(const BrdfShape& shape)
@@ -36,10 +49,10 @@ BrdfLobe SliceSampler::InterpolateLobe(const Position& position, float c, float 
   const float t = position.t;
   const float along = a.along[form] + t * (b.along[form] - a.along[form]);
   const float across = a.across[form] + t * (b.across[form] - a.across[form]);
-  const float inverse = 1 / std::sqrt(along * along + across * across);
+  const Direction mu = Turn(along, across, c, s);
   BrdfLobe lobe;
-  lobe.mu_x = (c * across - s * along) * inverse;
-  lobe.mu_z = (c * along + s * across) * inverse;
+  lobe.mu_x = mu.x;
+  lobe.mu_z = mu.z;
   lobe.kappa = a.kappa[form] + t * (b.kappa[form] - a.kappa[form]);
   lobe.scale = a.scale + t * (b.scale - a.scale);
   lobe.bias = a.bias + t * (b.bias - a.bias);
@@ -81,9 +94,9 @@ void SliceSampler::Lobes(std::span<const float> cos_o, int k, LobeArrays* fitted
     float* const z = lobes->mu_z.data();
     for (size_t i = 0; i < cos_o.size(); ++i) {
       const float c = std::clamp(cosine[i], kMinCosine, 1.0f), s = std::sqrt((1 - c) * (1 + c));
-      const float along = z[i], across = x[i], inverse = 1 / std::sqrt(along * along + across * across);
-      x[i] = (c * across - s * along) * inverse;
-      z[i] = (c * along + s * across) * inverse;
+      const Direction mu = Turn(z[i], x[i], c, s);
+      x[i] = mu.x;
+      z[i] = mu.z;
     }
   }
 }
