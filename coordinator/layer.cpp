@@ -1,6 +1,7 @@
 #include "coordinator/layer.h"
 
 #include <algorithm>
+#include <cstring>
 #include <glm/geometric.hpp>
 #include <numeric>
 #include <string>
@@ -92,9 +93,23 @@ uint32_t ChooseEntryBytes(std::span<const TaskSpec> tasks, std::span<const Block
   return kDirectEntryBytes;
 }
 
+/// Rounds entries that a task wrote to those of a table, in their place.
+void PackEntries(const EntryPacking& pack, std::vector<std::byte>* entries) {
+  if (pack.bytes == kDirectEntryBytes) return;
+  const size_t count = entries->size() / kDirectEntryBytes;
+  std::byte* const data = entries->data();
+  for (size_t e = 0; e < count; ++e) {
+    std::byte entry[kDirectEntryBytes];
+    std::memcpy(entry, data + e * kDirectEntryBytes, sizeof entry);
+    std::byte* const out = data + e * pack.bytes;
+    pack.direct ? PackDirect(entry, pack.bytes, out) : PackIndirect(entry, pack.bytes, out);
+  }
+  entries->resize(count * pack.bytes);
+}
+
 /// The direction blocks of one block of vertices: rows side by side.
-void AppendBlocks(std::span<const BlockResult> blocks, uint32_t slot, uint32_t vertices,
-                  const EntryPacking& pack, SliceTableBuilder* builder) {
+void AppendBlocks(std::span<const BlockResult> blocks, uint32_t slot, uint32_t vertices, uint32_t entry_bytes,
+                  SliceTableBuilder* builder) {
   std::vector<uint16_t> columns;
   std::vector<std::byte> entries;
   std::vector<size_t> next(blocks.size(), 0);
@@ -106,7 +121,8 @@ void AppendBlocks(std::span<const BlockResult> blocks, uint32_t slot, uint32_t v
       if (rows.counts.empty()) continue;
       const size_t begin = next[b], end = begin + rows.counts[row];
       columns.insert(columns.end(), rows.columns.begin() + begin, rows.columns.begin() + end);
-      for (size_t e = begin; e < end; ++e) pack.Append(rows.entries.data() + e * kDirectEntryBytes, &entries);
+      entries.insert(entries.end(), rows.entries.begin() + begin * entry_bytes,
+                     rows.entries.begin() + end * entry_bytes);
       next[b] = end;
     }
     builder->AppendRow(columns, entries);
@@ -115,10 +131,9 @@ void AppendBlocks(std::span<const BlockResult> blocks, uint32_t slot, uint32_t v
 
 /// One slot's table of all blocks, which are emptied on the way: a layer is not held twice.
 std::vector<std::byte> BuildTable(std::span<const TaskSpec> tasks, std::span<BlockResult> blocks,
-                                  uint32_t slot, uint32_t columns, uint32_t rows, bool direct,
-                                  float bits_tolerance, TableForm form) {
-  const EntryPacking pack{direct, ChooseEntryBytes(tasks, blocks, slot, direct, rows, bits_tolerance)};
-  SliceTableBuilder builder(rows, columns, pack.bytes);
+                                  uint32_t slot, uint32_t columns, uint32_t rows, uint32_t entry_bytes,
+                                  TableForm form) {
+  SliceTableBuilder builder(rows, columns, entry_bytes);
   size_t entries = 0;
   for (const BlockResult& block : blocks) entries += block.slots[slot].columns.size();
   builder.Reserve(entries);
@@ -126,7 +141,7 @@ std::vector<std::byte> BuildTable(std::span<const TaskSpec> tasks, std::span<Blo
     const GatherBlock& block = tasks[first].block;
     while (last < tasks.size() && tasks[last].block.first_vertex == block.first_vertex) ++last;
     const std::span<BlockResult> joined = blocks.subspan(first, last - first);
-    AppendBlocks(joined, slot, block.vertices, pack, &builder);
+    AppendBlocks(joined, slot, block.vertices, entry_bytes, &builder);
     for (BlockResult& done : joined) done.slots[slot] = {};
   }
   return builder.Finish(form);
@@ -239,13 +254,23 @@ Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, con
   for (const BlockResult& block : blocks) layer.counters += block.counters;
   layer.slots.resize(slots);
   const TableForm nested = form == TableForm::kCompact ? TableForm::kSegmented : form;
+  // Scenes with one lobe have one table to speak of: most of the work is spread over blocks, not slots.
+  std::vector<EntryPacking> packing(slots);
+  ParallelFor(slots, threads, 1, [&](size_t i, int) {
+    const auto slot = static_cast<uint32_t>(i);
+    // Diffuse entries are few, and their light is broad: a bias would show.
+    const float tolerance = layout.is_diffuse(slot) ? 0 : settings.bits_tolerance;
+    const bool direct = layer_index == 0;
+    packing[i] = {direct, ChooseEntryBytes(tasks, blocks, slot, direct, domain.row_count(), tolerance)};
+  });
+  ParallelFor(blocks.size(), threads, 1, [&](size_t b, int) {
+    for (uint32_t slot = 0; slot < slots; ++slot) PackEntries(packing[slot], &blocks[b].slots[slot].entries);
+  });
   ParallelFor(slots, threads, 1, [&](size_t i, int) {
     const auto slot = static_cast<uint32_t>(i);
     const bool specular = !layout.is_diffuse(slot);
-    // Diffuse entries are few, and their light is broad: a bias would show.
-    const float tolerance = specular ? settings.bits_tolerance : 0;
     layer.slots[slot] = BuildTable(tasks, blocks, slot, specular ? grid.size() : 2, domain.row_count(),
-                                   layer_index == 0, tolerance, grid.nested() && specular ? nested : form);
+                                   packing[i].bytes, grid.nested() && specular ? nested : form);
   });
   Hasher hasher;
   for (uint32_t slot = 0; slot < slots; ++slot) {

@@ -8,7 +8,8 @@ namespace glint {
 namespace {
 
 /// Neighbouring cells are looked at again if what they send differs by more: part of a white mirror's light.
-constexpr float kUnlikeLight = 0.25f;
+constexpr float kUnlikeLight = 0.2f;
+constexpr int kLooksAgain = 2;
 
 bool Unlike(const HitLight& a, const HitLight& b) {
   const glm::vec3 moment = a.moment - b.moment;
@@ -132,16 +133,21 @@ void HemisphereSamples::FindUnlikeCells(const HemisphereLattice& lattice) {
   }
 }
 
-/// The cells keep their weight; only their light is averaged over the quarters. Hence what a slice's weights
-/// add up to stays the same in every layer.
+/// The cells keep their weight; only their light is averaged, over the ray that they have and one through
+/// each of two quarters across from each other. Hence what a slice's weights add up to stays the same in
+/// every layer. All four quarters bring no smaller an error: which two of them it is changes from cell to
+/// cell.
 void HemisphereSamples::LookAgain(const LatticePose& pose, const RayScene& rays, const LayerLight& light) {
   rays_.clear();
-  for (size_t h = 0; h < unlike_.size(); ++h)
-    for (int q = 0; unlike_[h] && q < 4; ++q) {
+  for (size_t h = 0; h < unlike_.size(); ++h) {
+    if (!unlike_[h]) continue;
+    const int quarter = static_cast<int>(h % 2);
+    for (const int q : {quarter, 3 - quarter}) {
       Ray& ray = rays_.emplace_back();
       ray.origin = pose.origin;
       ray.direction = pose.frame.ToWorld(pose.lattice.direction(1, 4 * hit_cell_[h] + q));
     }
+  }
   found_.resize(rays_.size());
   rays.Intersect(rays_.data(), found_.data(), static_cast<int>(rays_.size()));
   queries_.clear();
@@ -154,14 +160,15 @@ void HemisphereSamples::LookAgain(const LatticePose& pose, const RayScene& rays,
   const HitLight* answer = answers_.data();
   for (size_t h = 0; h < unlike_.size(); ++h) {
     if (!unlike_[h]) continue;
-    HitLight sum;
-    for (int q = 0; q < 4; ++q) {
+    HitLight sum = hit_light_[h];
+    for (int ray = 0; ray < kLooksAgain; ++ray) {
       if (!found++->hit()) continue;
       sum.alpha += answer->alpha;
       sum.moment += answer->moment;
       ++answer;
     }
-    hit_light_[h] = {0.25f * sum.alpha, 0.25f * sum.moment};
+    constexpr float kShare = 1.0f / (1 + kLooksAgain);
+    hit_light_[h] = {kShare * sum.alpha, kShare * sum.moment};
   }
 }
 

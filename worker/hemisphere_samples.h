@@ -31,7 +31,7 @@ class HemisphereSamples {
   void Expand(const HitSet& hits, const HemisphereLattice& lattice);
   /// Sets the light channels from what `light` sends back along every ray that met a surface, and makes
   /// active the tiles where that is at least `dark` in some channel. Where neighbouring cells see unlike
-  /// light, four more rays through each take the mean over it.
+  /// light, two more rays through each take the mean over it.
   /// @return  how many more rays were traced
   uint64_t Shade(const HitSet& hits, const LatticePose& pose, const RayScene& rays, const LayerLight& light,
                  float dark);

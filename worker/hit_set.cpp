@@ -12,22 +12,29 @@ namespace glint {
 namespace {
 
 SurfaceHit Quantize(const Hit& hit) {
-  return {hit.triangle, static_cast<uint16_t>(std::lround(std::clamp(hit.u, 0.0f, 1.0f) * 65535)),
-          static_cast<uint16_t>(std::lround(std::clamp(hit.v, 0.0f, 1.0f) * 65535))};
+  return {hit.triangle, static_cast<uint16_t>(std::clamp(hit.u, 0.0f, 1.0f) * 65535 + 0.5f),
+          static_cast<uint16_t>(std::clamp(hit.v, 0.0f, 1.0f) * 65535 + 0.5f)};
 }
+
+/// A ray through a sample, or through the middle of it and one `partner` places on, for both.
+struct FanRay {
+  int sample;
+  int partner;  ///< 0: none
+};
 
 /// The samples of one level that a split parent has, or all cells.
 struct FanLevel {
-  std::vector<int> index;    ///< in the lattice, ascending
-  std::vector<int> traced;   ///< which of them have a ray of their own; the others have their parent's
-  std::vector<uint8_t> own;  ///< 1 for those
+  std::vector<int> index;  ///< in the lattice, ascending
+  std::vector<FanRay> rays;
+  std::vector<uint8_t>
+      ray;  ///< of each: 1 + the quarter of its parent that its ray is first for; 0: its parent's
   std::vector<uint8_t> outcome;
   std::vector<Hit> hits;
 
   void Clear() {
     index.clear();
-    traced.clear();
-    own.clear();
+    rays.clear();
+    ray.clear();
     outcome.clear();
     hits.clear();
   }
@@ -44,7 +51,8 @@ struct FanBuffers {
 
 /// One side of one vertex being traced: every cell; then, where a neighbour across a side sees another
 /// outcome, or a face at quite another angle, the quarters on that side, while the others keep what their
-/// cell saw; and theirs again where the outcome differs.
+/// cell saw; and theirs again where the outcome differs. Where neighbours in one direction only differ, two
+/// quarters along the border share a ray: across it, where it matters, that tells as much.
 class Fan {
  public:
   Fan(const GatherInput& input, const SurfaceVertices& surface, const VertexSide& side, uint32_t vertex,
@@ -62,7 +70,7 @@ class Fan {
     FanLevel& cells = buffers_.levels[0];
     cells.index.resize(lattice_.cells());
     std::iota(cells.index.begin(), cells.index.end(), 0);
-    cells.traced = cells.index;
+    for (const int i : cells.index) cells.rays.push_back({i, 0});
     cells.hits.resize(cells.index.size());
     cells.outcome.resize(cells.index.size());
     TraceLevel(0);
@@ -82,20 +90,28 @@ class Fan {
 
   void TraceLevel(int level) {
     FanLevel& l = buffers_.levels[level];
-    const size_t count = l.traced.size();
+    const size_t count = l.rays.size();
     std::vector<Ray>& rays = buffers_.rays;
     std::vector<Hit>& found = buffers_.found;
     rays.resize(count);
     found.resize(count);
     for (size_t i = 0; i < count; ++i) {
       rays[i].origin = side_.origin;
-      rays[i].direction = frame_.ToWorld(lattice_.direction(level, l.index[l.traced[i]]));
+      rays[i].direction = frame_.ToWorld(Direction(level, l.rays[i]));
     }
     input_.rays.Intersect(rays.data(), found.data(), static_cast<int>(count));
     for (size_t i = 0; i < count; ++i) {
-      l.hits[l.traced[i]] = found[i];
-      l.outcome[l.traced[i]] = Classify(rays[i].direction, found[i]);
+      const auto [sample, partner] = l.rays[i];
+      l.hits[sample] = l.hits[sample + partner] = found[i];
+      l.outcome[sample] = l.outcome[sample + partner] = Classify(rays[i].direction, found[i]);
     }
+  }
+
+  glm::vec3 Direction(int level, const FanRay& ray) const {
+    const std::vector<int>& index = buffers_.levels[level].index;
+    const glm::vec3& direction = lattice_.direction(level, index[ray.sample]);
+    if (ray.partner == 0) return direction;
+    return glm::normalize(direction + lattice_.direction(level, index[ray.sample + ray.partner]));
   }
 
   /// Marks the level's samples that a neighbour differs from, and lists their quarters.
@@ -132,10 +148,12 @@ class Fan {
       const bool across_y[2] = {differs(0, -1), differs(0, 1)};
       if (!(across_x[0] || across_x[1] || across_y[0] || across_y[1])) continue;
       l.outcome[i] = HitSet::kSplit;
+      const int partner = !(across_y[0] || across_y[1]) ? 2 : !(across_x[0] || across_x[1]) ? 1 : 0;
       for (int q = 0; q < 4; ++q) {
         const bool own = across_x[q & 1] || across_y[q >> 1];
-        if (own) next.traced.push_back(static_cast<int>(next.index.size()));
-        next.own.push_back(own);
+        const int first = q & partner ? q - partner : q;
+        if (own && first == q) next.rays.push_back({static_cast<int>(next.index.size()), partner});
+        next.ray.push_back(static_cast<uint8_t>(own ? 1 + first : 0));
         next.index.push_back(4 * l.index[i] + q);
         next.outcome.push_back(mine);
         next.hits.push_back(l.hits[i]);
@@ -192,7 +210,7 @@ class HitSetBuilder {
       quarter += 4;
     }
     for (int level = 0; level < HemisphereLattice::kLevels; ++level)
-      set_.rays += fan_.level(level).traced.size();
+      set_.rays += fan_.level(level).rays.size();
     set_.hits.shrink_to_fit();
     return std::move(set_);
   }
@@ -213,12 +231,12 @@ class HitSetBuilder {
     }
   }
 
-  /// 1 or 2 places before quarter i, in its cell: a quarter that like it has its cell's hit; 0 if there is
-  /// none.
+  /// 1 or 2 places before quarter i, in its cell: a quarter that has the same ray; 0 if there is none.
   static int PairedBefore(const FanLevel& quarters, size_t first, size_t i) {
-    if (quarters.own[i] || quarters.outcome[i] == HitSet::kSplit) return 0;
+    const uint8_t outcome = quarters.outcome[i];
+    if (outcome != HitSet::kFree && outcome != HitSet::kHit) return 0;
     for (size_t back = 1; back <= std::min<size_t>(2, i - first); ++back)
-      if (!quarters.own[i - back] && quarters.outcome[i - back] == quarters.outcome[i])
+      if (quarters.ray[i - back] == quarters.ray[i] && quarters.outcome[i - back] == outcome)
         return static_cast<int>(back);
     return 0;
   }

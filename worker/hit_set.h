@@ -26,8 +26,9 @@ struct SurfaceHit {
 struct HitSet {
   /// A sample's outcome. kPartial + 4 * blocked + (leaving - 1): of four finer rays `leaving` (1 .. 4) leave
   /// the surface, and `blocked` of them met another.
-  /// kPair + 2 * down + hit: two quarters side by side, or one over the other, that have no rays of their own
-  /// are one sample in the middle; of its two places the first has this, the second kInvalid.
+  /// kPair + 2 * down + hit: two quarters side by side, or one over the other, that have one ray between
+  /// them, or their cell's, are one sample in the middle; of its two places the first has this, the second
+  /// kInvalid.
   enum Outcome : uint8_t { kFree = 0, kHit = 1, kInvalid = 2, kSplit = 3, kPartial = 4, kPair = 24 };
 
   std::vector<uint8_t> outcome;  ///< of every cell in order; then of the quarters of split cells, in order

@@ -12,8 +12,10 @@
 #include <span>
 #include <utility>
 
+#include "common/archive/transfer.h"
 #include "common/lobes/slice_sampler.h"
 #include "common/lobes/vmf.h"
+#include "worker/aimed_lobes.h"
 #include "worker/angular_refinement.h"
 #include "worker/gather_kernel.h"
 #include "worker/hemisphere_samples.h"
@@ -21,15 +23,12 @@
 #include "worker/layer_light.h"
 #include "worker/light_groups.h"
 #include "worker/slice_encoder.h"
-#include "worker/slice_lobes.h"
 
 namespace glint {
 namespace {
 
-constexpr float kLog2E = 1.44269504f;
-constexpr float kCutoff = 6;       ///< a lobe ends where its exponent is -6: 2.5e-3 of its weight lies beyond
-constexpr float kDark = 0.125f;    ///< light below this part of what is dropped is none
-constexpr float kWidthsApart = 4;  ///< directions at which all slices of a vertex are computed
+constexpr float kDark = 0.125f;          ///< light below this part of what is dropped is none
+constexpr float kWidthsApart = 4;        ///< directions at which all slices of a vertex are computed
 constexpr float kKappaPerSample = 0.6f;  ///< a lattice of n samples resolves lobes up to about 0.6 n
 
 /// Level of the directions whose views together see everything: a lobe of this kappa, turning with the mirror
@@ -44,6 +43,7 @@ int LevelOfDetail(float kappa) {
 /// Buffers of one thread.
 struct Scratch {
   HemisphereSamples samples[2];  ///< front, back
+  AimedLobes aimed[2];           ///< the same
   std::vector<uint16_t> tiles;
   std::array<std::vector<float>, LightList::kChannels> channels;
   std::unique_ptr<AngularRefinement> refinement;  ///< of nested grids
@@ -65,10 +65,11 @@ struct Side {
   const HemisphereLattice* lattice;
   Frame frame;  ///< lattice to world; n is the side's shading normal
   const HemisphereSamples* samples;
+  AimedLobes* aimed;
   SampleArrays arrays;
   float* lobe_weights;  ///< HitSet::lobe_weights
   float max_kappa;
-  glm::vec3 geometric;  ///< VertexSide::geometric
+  glm::vec3 geometric;  ///< VertexSide::geometric, in the lattice's frame
 };
 
 class SharedGatherer : public Gatherer {
@@ -121,12 +122,17 @@ class SharedGatherer : public Gatherer {
       RefineVertex(vertex.shape, {sides, static_cast<size_t>(side_count)}, block, scratch, result);
       return;
     }
-    for (uint32_t column = block.first_column; column < block.first_column + block.columns; ++column) {
-      const glm::vec3& wo = input_.grid.direction(column);
-      const int s = glm::dot(vertex.normal, wo) > 0 ? 0 : 1;
-      if (s >= side_count || glm::dot(sides[s].frame.n, wo) <= 0) continue;
-      GatherSlices(vertex.shape, column, wo, sides[s], scratch, result);
+    for (int s = 0; s < side_count; ++s) Aim(vertex.shape, block.first_column, block.columns, sides[s]);
+    const AimedLobes &front = scratch->aimed[0], &back = scratch->aimed[1];
+    const size_t back_size = side_count == 2 ? back.size() : 0;
+    for (size_t f = 0, b = 0; f < front.size() || b < back_size;) {
+      const bool in_front = b == back_size || (f < front.size() && front.column(f) < back.column(b));
+      GatherSlices(in_front ? f++ : b++, sides[in_front ? 0 : 1], scratch, result);
     }
+  }
+
+  void Aim(uint16_t shape, uint32_t first_column, uint32_t columns, const Side& side) const {
+    side.aimed->Aim(input_.grid, first_column, columns, samplers_[shape], side.frame, side.max_kappa);
   }
 
   /// Every block of a vertex does all of this, and keeps what is its own.
@@ -140,7 +146,9 @@ class SharedGatherer : public Gatherer {
       if (!side.samples->any_active()) continue;
       refinement.Refine({side.frame.n, sampler.lobes(), LevelOfDetail(kappa), kappa,
                          [&](uint32_t column, BlockResult* out) {
-                           GatherSlices(shape, column, input_.grid.direction(column), side, scratch, out);
+                           Aim(shape, column, 1, side);
+                           for (size_t i = 0; i < side.aimed->size(); ++i)
+                             GatherSlices(i, side, scratch, out);
                          }});
     }
     result->counters.slices += refinement.Store(block, result) * static_cast<uint64_t>(sampler.lobes());
@@ -155,10 +163,11 @@ class SharedGatherer : public Gatherer {
     side.lattice = &lattice;
     side.frame = cache_.LatticeFrame(v, s);
     side.samples = &samples;
+    side.aimed = &scratch->aimed[s];
     samples.Expand(hits, lattice);
     side.lobe_weights = hits.lobe_weights.data();
     const VertexSide start = cache_.surface().side(v, s);
-    side.geometric = start.geometric;
+    side.geometric = side.frame.ToLocal(start.geometric);
     if (light_) {
       const LatticePose pose{lattice, side.frame, start.origin};
       const uint64_t rays = samples.Shade(hits, pose, input_.rays, *light_, kDark * settings_.drop);
@@ -170,29 +179,26 @@ class SharedGatherer : public Gatherer {
     return side;
   }
 
-  void GatherSlices(uint16_t shape, uint32_t column, const glm::vec3& wo, const Side& side, Scratch* scratch,
-                    BlockResult* result) {
-    const SliceSampler& sampler = samplers_[shape];
-    result->counters.slices += sampler.lobes();
+  /// @param i  of side.aimed
+  void GatherSlices(size_t i, const Side& side, Scratch* scratch, BlockResult* result) {
+    const AimedLobes& aimed = *side.aimed;
+    result->counters.slices += static_cast<uint64_t>(aimed.lobes());
     if (!side.samples->any_active()) return;
-    const UnoccludedSlice slice(sampler, side.frame.n, wo);
-    for (int k = 0; k < sampler.lobes(); ++k) {
-      const float fitted = slice.lobes.lobe[k].kappa, kappa = std::min(fitted, side.max_kappa);
-      const glm::vec3 mu = slice.Direction(slice.lobes.lobe[k]), local = side.frame.ToLocal(mu);
-      const float cosine = std::max(-1.0f, 1 - kCutoff / std::max(kappa, 1.0f));
-      const QueryCone cone{local.x, local.y, local.z, cosine, std::sqrt(1 - cosine * cosine)};
-      const LobeWeight weight{local.x, local.y, local.z, kappa * kLog2E};
-      const bool sunk = glm::dot(mu, side.geometric) < 0 && SumDirect(side, cone, weight, scratch).all <= 0;
+    const uint16_t column = aimed.column(i);
+    for (int k = 0; k < aimed.lobes(); ++k) {
+      const QueryCone cone = aimed.cone(i, k);
+      const LobeWeight weight = aimed.weight(i, k);
+      const bool sunk = glm::dot(glm::vec3(cone.x, cone.y, cone.z), side.geometric) < 0 &&
+                        SumDirect(side, cone, weight, scratch).all <= 0;
       const int active =
           light_ ? SelectActive(side, cone, scratch) : kernels_.any_tile(side.samples->active_cones(), cone);
       if (active == 0 && !sunk) continue;
-      const BrdfLobe seen = slice.Seen(sampler, k);
-      const float resolution = std::min(kappa / std::max(fitted, 1e-6f), 1.0f);
-      const SliceLobe lobe{slice.Direction(seen), seen.kappa, resolution};
+      const SliceLobe lobe{side.frame.ToWorld(aimed.seen_mu(i, k)), aimed.seen_kappa(i, k),
+                           aimed.resolution(i, k)};
       float& all = side.lobe_weights[column * static_cast<size_t>(input_.domain.max_lobes()) + k];
       if (sunk) {  // no sample of it leaves the surface: what the surface sees is the best that is known
-        StoreCosine(side, lobe, 1 - DeltaFromKappa(lobe.resolved_kappa()), static_cast<uint16_t>(column),
-                    static_cast<uint32_t>(k), &all, scratch, result);
+        StoreCosine(side, lobe, 1 - DeltaFromKappa(lobe.resolved_kappa()), column, static_cast<uint32_t>(k),
+                    &all, scratch, result);
         continue;
       }
       if (!light_) {
@@ -200,8 +206,7 @@ class SharedGatherer : public Gatherer {
         all = sums.all;
         const DirectMoments moments =
             ToMoments(sums, side, lobe.mu, 1 - DeltaFromKappa(lobe.resolved_kappa()));
-        StoreDirect(FitDirect(lobe, moments, settings_.drop), static_cast<uint16_t>(column),
-                    &result->slots[k]);
+        StoreDirect(FitDirect(lobe, moments, settings_.drop), column, &result->slots[k]);
       } else {
         if (all < 0) {
           all = SumDirect(side, cone, weight, scratch).all;
@@ -212,8 +217,7 @@ class SharedGatherer : public Gatherer {
         const auto list = [&](LightList* out) {
           kernels_.list_lobe(side.arrays, scratch->tiles.data(), active, weight, out);
         };
-        StoreIndirectSlice(lobe, sums, all, static_cast<uint16_t>(column), static_cast<uint32_t>(k), side,
-                           list, scratch, result);
+        StoreIndirectSlice(lobe, sums, all, column, static_cast<uint32_t>(k), side, list, scratch, result);
       }
     }
   }

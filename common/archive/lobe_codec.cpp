@@ -49,26 +49,27 @@ float ClampFinite(float x, float low, float high, float otherwise) {
   return std::isnan(x) ? otherwise : std::clamp(x, low, high);
 }
 
+/// To the nearest, halves away from zero; unlike std::lround no call, and a bake encodes tens of millions.
+int Round(double x) { return static_cast<int>(x + std::copysign(0.5, x)); }
+
 uint16_t EncodeUnorm(float x) {
-  return static_cast<uint16_t>(std::lround(double{ClampFinite(x, 0, 1, 0)} * 65535));
+  return static_cast<uint16_t>(Round(double{ClampFinite(x, 0, 1, 0)} * 65535));
 }
 
 /// x in [-1, 1].
 uint16_t EncodeSnorm(float x) {
-  return static_cast<uint16_t>(
-      static_cast<int16_t>(std::lround(double{ClampFinite(x, -1, 1, 0)} * kSnormMax)));
+  return static_cast<uint16_t>(static_cast<int16_t>(Round(double{ClampFinite(x, -1, 1, 0)} * kSnormMax)));
 }
 
 uint16_t EncodeRatio(float ratio) {
   const double x = ClampFinite(ratio, 1 / kMaxRatio, kMaxRatio, 1);
-  return static_cast<uint16_t>(std::lround((std::log2(x) - kRatioFirst) / kRatioStep));
+  return static_cast<uint16_t>(Round((std::log2(x) - kRatioFirst) / kRatioStep));
 }
 
 uint16_t EncodeKappa(float kappa) {
   const double x = ClampFinite(kappa, 0, kMaxKappa, 0);
   if (x < kMinStoredKappa) return 0;
-  return static_cast<uint16_t>(
-      std::clamp(std::lround((std::log2(x) - kKappaFirst) / kKappaStep), 1L, 65535L));
+  return static_cast<uint16_t>(std::clamp(Round((std::log2(x) - kKappaFirst) / kKappaStep), 1, 65535));
 }
 
 struct Octahedral {
@@ -97,23 +98,23 @@ Octahedral EncodeOctahedral(const glm::vec3& direction) {
     u = folded_u;
   }
   const auto floor_code = [](double x) {
-    return std::clamp(static_cast<int>(std::floor(x * kSnormMax)), -kSnormMax, kSnormMax - 1);
+    const int towards_zero = static_cast<int>(x * kSnormMax);
+    return std::clamp(towards_zero - (x < 0), -kSnormMax, kSnormMax - 1);
   };
   const Octahedral corner{floor_code(u), floor_code(v)};
+  // Whose squared cosine with the direction, dot^2 / length^2, is largest, compared without a division.
   Octahedral best;
-  double best_distance = 8;
-  const double length = std::sqrt(double{direction.x} * direction.x + double{direction.y} * direction.y +
-                                  double{direction.z} * direction.z);
+  double best_dot2 = -1, best_length2 = 1;
   for (int i = 0; i < 4; ++i) {
     const Octahedral code{corner.u + (i & 1), corner.v + (i >> 1)};
-    const double cu = double(code.u) / kSnormMax, cv = double(code.v) / kSnormMax;
-    const double z = 1 - std::abs(cu) - std::abs(cv), fold = std::max(-z, 0.0);
+    const double cu = code.u, cv = code.v;
+    const double z = kSnormMax - std::abs(cu) - std::abs(cv), fold = std::max(-z, 0.0);
     const double x = cu - std::copysign(fold, cu), y = cv - std::copysign(fold, cv);
-    const double scale = length / std::sqrt(x * x + y * y + z * z);
-    const double dx = x * scale - direction.x, dy = y * scale - direction.y, dz = z * scale - direction.z;
-    const double distance = (dx * dx + dy * dy + dz * dz) / (length * length);
-    if (distance < best_distance) {
-      best_distance = distance;
+    const double dot = x * direction.x + y * direction.y + z * direction.z;
+    const double dot2 = dot * dot, length2 = x * x + y * y + z * z;
+    if (dot2 * best_length2 > best_dot2 * length2) {
+      best_dot2 = dot2;
+      best_length2 = length2;
       best = code;
     }
   }
@@ -178,10 +179,12 @@ void PutAlpha(const glm::vec3& alpha, int width, BitWriter* bits) {
   const float largest = std::max({alpha.x, alpha.y, alpha.z});
   const int most = (1 << width) - 1, highest = (1 << kExponentBits) - 1 - kExponentBias;
   int exponent = largest > 0 ? std::max(std::ilogb(largest) + 1, -kExponentBias) : -kExponentBias;
-  const auto mantissa = [&](float x) {
-    return static_cast<int>(std::lround(std::ldexp(x, width - exponent)));
-  };
-  if (mantissa(largest) > most && exponent < highest) ++exponent;
+  float scale = std::ldexp(1.0f, width - exponent);
+  const auto mantissa = [&](float x) { return Round(x * scale); };
+  if (mantissa(largest) > most && exponent < highest) {
+    ++exponent;
+    scale /= 2;
+  }
   for (int i = 0; i < 3; ++i) bits->Put(std::min(mantissa(alpha[i]), most), width);
   bits->Put(exponent + kExponentBias, kExponentBits);
 }

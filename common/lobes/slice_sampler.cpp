@@ -6,6 +6,19 @@
 #include "common/lobes/horizon.h"
 
 namespace glint {
+namespace {
+
+struct Direction {
+  float x, z;
+};
+
+/// Unit, from parts along the mirror direction of wo = (s, c) and across it.
+inline Direction Turn(float along, float across, float c, float s) {
+  const float inverse = 1 / std::sqrt(along * along + across * across);
+  return {(c * across - s * along) * inverse, (c * along + s * across) * inverse};
+}
+
+}  // namespace
 
 // In the frame of BrdfSlice wo = (s, c) in (x, z), the mirror direction is (-s, c), and (c, s) is across it.
 SliceSampler::SliceSampler(const BrdfShape& shape)
@@ -36,10 +49,10 @@ BrdfLobe SliceSampler::InterpolateLobe(const Position& position, float c, float 
   const float t = position.t;
   const float along = a.along[form] + t * (b.along[form] - a.along[form]);
   const float across = a.across[form] + t * (b.across[form] - a.across[form]);
-  const float inverse = 1 / std::sqrt(along * along + across * across);
+  const Direction mu = Turn(along, across, c, s);
   BrdfLobe lobe;
-  lobe.mu_x = (c * across - s * along) * inverse;
-  lobe.mu_z = (c * along + s * across) * inverse;
+  lobe.mu_x = mu.x;
+  lobe.mu_z = mu.z;
   lobe.kappa = a.kappa[form] + t * (b.kappa[form] - a.kappa[form]);
   lobe.scale = a.scale + t * (b.scale - a.scale);
   lobe.bias = a.bias + t * (b.bias - a.bias);
@@ -59,6 +72,33 @@ BrdfSlice SliceSampler::Interpolate(float cos_o, Form form) const {
 BrdfLobe SliceSampler::SeenLobe(float cos_o, int k) const {
   const float c = std::clamp(cos_o, kMinCosine, 1.0f), s = std::sqrt((1 - c) * (1 + c));
   return InterpolateLobe(Find(c), c, s, k, kSeen);
+}
+
+// First what is looked up, then what takes roots and divisions: the latter loop runs in vector registers.
+void SliceSampler::Lobes(std::span<const float> cos_o, int k, LobeArrays* fitted, LobeArrays* seen) const {
+  LobeArrays* const out[2] = {fitted, seen};
+  for (LobeArrays* lobes : out)
+    for (auto* a : {&lobes->mu_x, &lobes->mu_z, &lobes->kappa}) a->resize(cos_o.size());
+  for (size_t i = 0; i < cos_o.size(); ++i) {
+    const auto [node, t] = Find(std::clamp(cos_o[i], kMinCosine, 1.0f));
+    const Node &a = node[k], &b = node[lobes_ + k];
+    for (const Form form : {kFitted, kSeen}) {
+      out[form]->mu_z[i] = a.along[form] + t * (b.along[form] - a.along[form]);
+      out[form]->mu_x[i] = a.across[form] + t * (b.across[form] - a.across[form]);
+      out[form]->kappa[i] = a.kappa[form] + t * (b.kappa[form] - a.kappa[form]);
+    }
+  }
+  for (LobeArrays* lobes : out) {
+    const float* cosine = cos_o.data();
+    float* const x = lobes->mu_x.data();
+    float* const z = lobes->mu_z.data();
+    for (size_t i = 0; i < cos_o.size(); ++i) {
+      const float c = std::clamp(cosine[i], kMinCosine, 1.0f), s = std::sqrt((1 - c) * (1 + c));
+      const Direction mu = Turn(z[i], x[i], c, s);
+      x[i] = mu.x;
+      z[i] = mu.z;
+    }
+  }
 }
 
 void SliceSampler::Weights(float cos_o, BrdfSlice* out) const {

@@ -1,11 +1,17 @@
 #pragma once
 
 #include <array>
+#include <span>
 #include <vector>
 
 #include "common/lobes/brdf_table.h"
 
 namespace glint {
+
+/// One lobe of many slices, as arrays: direction in the frame of BrdfSlice, and concentration.
+struct LobeArrays {
+  std::vector<float> mu_x, mu_z, kappa;
+};
 
 /// A shape's slices tabulated for fast look-ups: linear between nodes in sqrt(cos_o), four to each interval
 /// of the fit's own, with lobe directions kept relative to the mirror direction. Also tabulates what
@@ -24,6 +30,8 @@ class SliceSampler {
   BrdfSlice Seen(float cos_o) const { return Interpolate(cos_o, kSeen); }
   /// Lobe k < lobes() of it.
   BrdfLobe SeenLobe(float cos_o, int k) const;
+  /// Lobe k < lobes() of the slices at many cos_o in [0, 1], as fitted and as seen, several at a time.
+  void Lobes(std::span<const float> cos_o, int k, LobeArrays* fitted, LobeArrays* seen) const;
   /// Scale and bias of every lobe's weight (BrdfLobe::Weight); the rest of the lobes is left as it is.
   void Weights(float cos_o, BrdfSlice* out) const;
 

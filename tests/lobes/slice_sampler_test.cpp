@@ -44,6 +44,26 @@ TEST_P(SliceSamplerTest, AgreesWithTheFitBetweenItsNodesToo) {
   }
 }
 
+TEST_P(SliceSamplerTest, ManyAtOnceAreThoseOneByOne) {
+  const auto [model, parameter] = GetParam();
+  const SliceSampler sampler(FitBrdfShape(model, parameter, {.max_lobes = 2}));
+  std::vector<float> cos_o = {0, 1e-6f, 1};
+  for (int i = 0; i < 1000; ++i) cos_o.push_back((static_cast<float>(i) + 0.5f) / 1000);
+  for (int k = 0; k < sampler.lobes(); ++k) {
+    LobeArrays fitted, seen;
+    sampler.Lobes(cos_o, k, &fitted, &seen);
+    const auto expect = [](const LobeArrays& many, size_t i, const BrdfLobe& one) {
+      EXPECT_FLOAT_EQ(many.mu_x[i] + 2, one.mu_x + 2);
+      EXPECT_FLOAT_EQ(many.mu_z[i] + 2, one.mu_z + 2);
+      EXPECT_FLOAT_EQ(many.kappa[i], one.kappa);
+    };
+    for (size_t i = 0; i < cos_o.size(); ++i) {
+      expect(fitted, i, sampler.Fitted(cos_o[i]).lobe[k]);
+      expect(seen, i, sampler.SeenLobe(cos_o[i], k));
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Shapes, SliceSamplerTest,
                          testing::Values(std::tuple{BrdfModel::kPhong, 512.0f},
                                          std::tuple{BrdfModel::kPhong, 8.0f},
