@@ -37,7 +37,7 @@ struct AxisModel {
   double seconds, bytes;  ///< factors
 };
 constexpr std::array<AxisModel, kBakeAxes> kModels = {{
-    {ErrorCause::kSpatial, 0.65, 2.0, 2.0},
+    {ErrorCause::kSpatial, 0.75, 2.0, 2.0},
     {ErrorCause::kAngular, 0.5, 1.6, 2.2},
     {ErrorCause::kRays, 0.7, 2.0, 1.05},
     {ErrorCause::kLobes, 0.7, 1.5, 1.6},
@@ -49,9 +49,7 @@ const AxisModel& Model(int axis) { return kModels[static_cast<size_t>(axis)]; }
 /// by their squares, so that what is below changes the whole by an eighth at most.
 constexpr double kNotable = 0.5;
 constexpr double kNotableOfTolerance = 0.25;
-/// What an axis may leave of its cause, as a part of the tolerance: four equal ones would make it up. While
-/// more is expected to be left, and more than a notable part of what no axis mends, a round takes further
-/// steps at once.
+/// What an axis may leave of its cause in any case, as a part of the tolerance: four equal ones make it up.
 constexpr double kShareOfTolerance = 0.5;
 constexpr int kMostSteps = 3;
 /// Axes of at least this part of the best one's worth are refined in the same round, to save rounds.
@@ -59,8 +57,6 @@ constexpr double kLikeWorth = 0.5;
 constexpr float kFinestDrop = 1.0f / 65536;
 constexpr int kMostRays = 1 << 17;
 constexpr int kCoarsestLevel = 2;
-constexpr float kCoarsestAngularTolerance = 0.2f;
-constexpr float kCoarsestSpatialTolerance = 0.2f;
 constexpr float kFinestSpatialTolerance = 0.02f;
 
 /// One step finer; false: there is none.
@@ -126,28 +122,41 @@ double Floor(const TargetRound& round, const BakeTarget& target) {
   return std::sqrt(squares);
 }
 
-/// Steps towards what the axis may leave of its cause, as far as there are any.
-int StepsWanted(const TargetRound& best, int axis, const BakeTarget& target) {
-  const double aim =
-      std::max(kShareOfTolerance * static_cast<double>(target.tolerance), kNotable * Floor(best, target));
+/// Part of their causes that axes may leave if together they are to take out what the error is above the
+/// tolerance; 0 if even without them it is above.
+double PartToLeave(const TargetRound& best, const AxisSteps& steps, double tolerance) {
+  double squares = 0;
+  for (int a = 0; a < kBakeAxes; ++a)
+    if (steps[a] > 0) squares += Cause(best, a) * Cause(best, a);
+  const double excess = best.error * best.error - tolerance * tolerance;
+  return squares > excess ? std::sqrt(1 - excess / squares) : 0;
+}
+
+/// Steps until the axis is expected to cause no more than this: one at least, as far as there are any.
+int StepsTo(const TargetRound& best, int axis, double aim) {
   BakeSettings settings = best.settings;
   double left = Cause(best, axis);
   int steps = 0;
-  while ((steps == 0 || (target.tolerance > 0 && left > aim)) && steps < kMostSteps &&
-         Refine(axis, &settings)) {
+  while ((steps == 0 || left > aim) && steps < kMostSteps && Refine(axis, &settings)) {
     left *= Model(axis).gain;
     ++steps;
   }
   return steps;
 }
 
-/// Steps along the axes that can be refined and whose causes stand out.
+/// Steps along the axes that can be refined and whose causes stand out: as many at once as the tolerance is
+/// away, but none for what would be little beside the floor.
 AxisSteps NotableSteps(const TargetRound& best, const BakeTarget& target) {
-  const double least =
-      std::max(kNotable * LargestCause(best), kNotableOfTolerance * static_cast<double>(target.tolerance));
+  const double tolerance = static_cast<double>(target.tolerance);
+  const double least = std::max(kNotable * LargestCause(best), kNotableOfTolerance * tolerance);
   AxisSteps steps{};
   for (int a = 0; a < kBakeAxes; ++a)
-    if (!target.fixed[a] && Cause(best, a) > least) steps[a] = StepsWanted(best, a, target);
+    if (!target.fixed[a] && Cause(best, a) > least) steps[a] = StepsTo(best, a, INFINITY);
+  if (tolerance <= 0) return steps;
+  const double part = PartToLeave(best, steps, tolerance);
+  const double enough = std::max(kShareOfTolerance * tolerance, kNotable * Floor(best, target));
+  for (int a = 0; a < kBakeAxes; ++a)
+    if (steps[a] > 0) steps[a] = StepsTo(best, a, std::max(part * Cause(best, a), enough));
   return steps;
 }
 
@@ -357,7 +366,7 @@ class TargetBake {
   double SecondsLeft() const { return options_.target.max_seconds - SecondsUsed(); }
 
   TargetStep Next() {
-    if (rounds_.empty()) return {CoarsestSettings(options_.settings, options_.target), false, ""};
+    if (rounds_.empty()) return {FirstSettings(options_.settings, options_.target), false, ""};
     return NextStep(rounds_, options_.target, SecondsLeft());
   }
 
@@ -473,26 +482,31 @@ class TargetBake {
 
 }  // namespace
 
-BakeSettings CoarsestSettings(const BakeSettings& settings, const BakeTarget& target) {
+BakeSettings FirstSettings(const BakeSettings& settings, const BakeTarget& target) {
   const auto is_free = [&](BakeAxis axis) { return !target.fixed[static_cast<size_t>(axis)]; };
-  BakeSettings coarsest = settings;
-  if (is_free(BakeAxis::kVertices)) coarsest.spatial_tolerance = kCoarsestSpatialTolerance;
+  const float tolerance = target.tolerance > 0 ? target.tolerance : 1;
+  BakeSettings first = settings;
+  if (is_free(BakeAxis::kVertices)) first.spatial_tolerance = std::clamp(tolerance, 0.05f, 0.2f);
   if (is_free(BakeAxis::kDirections)) {
-    coarsest.grid_level = std::min(settings.grid_level, kCoarsestLevel);
-    coarsest.angular_tolerance = kCoarsestAngularTolerance;
+    first.grid_level = std::min(settings.grid_level, kCoarsestLevel);
+    first.angular_tolerance = std::clamp(2 * tolerance, 0.05f, 0.2f);
   }
   if (is_free(BakeAxis::kRays)) {
-    coarsest.rays_per_kappa /= 4;
-    coarsest.min_rays = std::max(settings.min_rays / 4, 1);
-    coarsest.max_rays = std::max(settings.max_rays / 4, coarsest.min_rays);
-    coarsest.paper_rays = std::max(settings.paper_rays / 4, 1);
+    const float part = std::clamp(0.02f / tolerance, 0.25f, 1.0f);
+    const auto rays = [part](int all) {
+      return std::max(static_cast<int>(std::lround(part * static_cast<float>(all))), 1);
+    };
+    first.rays_per_kappa *= part;
+    first.min_rays = rays(settings.min_rays);
+    first.max_rays = std::max(rays(settings.max_rays), first.min_rays);
+    first.paper_rays = rays(settings.paper_rays);
   }
-  if (is_free(BakeAxis::kLobes)) coarsest.slice_lobes = 1;
+  if (is_free(BakeAxis::kLobes)) first.slice_lobes = 1;
   if (is_free(BakeAxis::kBits)) {
-    coarsest.drop = std::max(settings.drop, target.tolerance / 32);
-    coarsest.bits_tolerance = std::max(settings.bits_tolerance, target.tolerance / 8);
+    first.drop = std::max(settings.drop, target.tolerance / 8);
+    first.bits_tolerance = std::max(settings.bits_tolerance, target.tolerance / 3);
   }
-  return coarsest;
+  return first;
 }
 
 std::vector<fs::path> ResultFiles(const fs::path& out_path) {

@@ -74,11 +74,11 @@ TEST(NextStepTest, LeavesAloneWhatIsFixed) {
 }
 
 TEST(NextStepTest, TakesAsManyStepsAsTheCauseIsAway) {
-  const std::vector<TargetRound> rounds{Round({0, 0, 0, 0.1, 0, 0})};
+  const std::vector<TargetRound> rounds{Round({0, 0, 0, 0.19, 0, 0})};
   const auto tolerance = [&](float target) {
     return NextStep(rounds, {.tolerance = target}, 0).settings->spatial_tolerance;
   };
-  const float one = tolerance(0.15f), two = tolerance(0.1f), most = tolerance(0.001f);
+  const float one = tolerance(0.18f), two = tolerance(0.15f), most = tolerance(0.001f);
   EXPECT_LT(one, 0.2f);
   EXPECT_LT(two, one);
   EXPECT_LT(most, two);
@@ -139,14 +139,17 @@ TEST(NextStepTest, EndsWhateverTheRoundsAre) {
   EXPECT_LT(rounds.size(), 100u);
 }
 
-TEST(CoarsestSettingsTest, WhatIsFixedStays) {
+TEST(FirstSettingsTest, WhatIsFixedStays) {
   BakeTarget target{.tolerance = 0.1f};
   const BakeSettings settings;
-  EXPECT_LT(CoarsestSettings(settings, target).grid_level, settings.grid_level);
-  EXPECT_LT(CoarsestSettings(settings, target).max_rays, settings.max_rays);
-  EXPECT_GT(CoarsestSettings(settings, target).spatial_tolerance, 0);
+  EXPECT_LT(FirstSettings(settings, target).grid_level, settings.grid_level);
+  EXPECT_LT(FirstSettings(settings, target).max_rays, settings.max_rays);
+  EXPECT_GT(FirstSettings(settings, target).spatial_tolerance, 0);
+  EXPECT_LT(FirstSettings(settings, {.tolerance = 0.02f}).spatial_tolerance,
+            FirstSettings(settings, target).spatial_tolerance);
+  EXPECT_GT(FirstSettings(settings, {.tolerance = 0.02f}).max_rays, FirstSettings(settings, target).max_rays);
   target.fixed.fill(true);
-  EXPECT_EQ(SettingsToJson(CoarsestSettings(settings, target)), SettingsToJson(settings));
+  EXPECT_EQ(SettingsToJson(FirstSettings(settings, target)), SettingsToJson(settings));
 }
 
 // ---- Whole bakes ----
