@@ -132,12 +132,13 @@ double PartToLeave(const TargetRound& best, const AxisSteps& steps, double toler
   return squares > excess ? std::sqrt(1 - excess / squares) : 0;
 }
 
-/// Steps until the axis is expected to cause no more than this: one at least, as far as there are any.
+/// Steps that are expected to bring the axis' cause nearest to this: one at least, as far as there are any.
 int StepsTo(const TargetRound& best, int axis, double aim) {
   BakeSettings settings = best.settings;
   double left = Cause(best, axis);
   int steps = 0;
-  while ((steps == 0 || left > aim) && steps < kMostSteps && Refine(axis, &settings)) {
+  while ((steps == 0 || left * std::sqrt(Model(axis).gain) > aim) && steps < kMostSteps &&
+         Refine(axis, &settings)) {
     left *= Model(axis).gain;
     ++steps;
   }

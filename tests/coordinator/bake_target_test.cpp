@@ -78,7 +78,7 @@ TEST(NextStepTest, TakesAsManyStepsAsTheCauseIsAway) {
   const auto tolerance = [&](float target) {
     return NextStep(rounds, {.tolerance = target}, 0).settings->spatial_tolerance;
   };
-  const float one = tolerance(0.18f), two = tolerance(0.15f), most = tolerance(0.001f);
+  const float one = tolerance(0.15f), two = tolerance(0.12f), most = tolerance(0.001f);
   EXPECT_LT(one, 0.2f);
   EXPECT_LT(two, one);
   EXPECT_LT(most, two);
