@@ -191,13 +191,13 @@ TEST_F(BakeTargetTest, FindsSettingsThatReachTheTolerance) {
   EXPECT_TRUE(coarse["reached"]) << coarse["ended"];
   EXPECT_LE(coarse["error"], 0.5);
 
-  options_.target.tolerance = 0.02f;
+  options_.target.tolerance = 0.05f;
   const Result<BakeReport> report = Run();
   ASSERT_TRUE(report.ok()) << report.status().message();
   const nlohmann::json fine = Target();
   ASSERT_GT(fine["rounds"].size(), coarse["rounds"].size());
   EXPECT_LT(fine["error"], coarse["error"]);
-  EXPECT_EQ(fine["reached"].get<bool>(), fine["error"].get<double>() <= 0.02);
+  EXPECT_EQ(fine["reached"].get<bool>(), fine["error"].get<double>() <= 0.05);
   const Result<Archive> archive = Archive::Open(folder_.path() / "out.glint");
   ASSERT_TRUE(archive.ok()) << archive.status().message();
   EXPECT_EQ(archive->archive_key(), report->archive_key);
@@ -218,7 +218,7 @@ TEST_F(BakeTargetTest, FindsHowManyVerticesItTakes) {
 }
 
 TEST_F(BakeTargetTest, StoppedAnywhereItGoesOnToTheSameBytes) {
-  options_.target.tolerance = 0.02f;
+  options_.target.tolerance = 0.05f;
   ASSERT_TRUE(Run("whole.glint").ok());
   const size_t rounds = Target("whole.glint")["rounds"].size();
   ASSERT_GE(rounds, 2u);
@@ -237,7 +237,7 @@ TEST_F(BakeTargetTest, StoppedAnywhereItGoesOnToTheSameBytes) {
 }
 
 TEST_F(BakeTargetTest, FinishedRoundsAreNotBakedAgain) {
-  options_.target.tolerance = 0.02f;
+  options_.target.tolerance = 0.05f;
   size_t begun = 0, allowed = 2;
   options_.begins = [&begun](const Digest&) { ++begun; };
   options_.stop = [&] { return begun > allowed; };
@@ -252,7 +252,7 @@ TEST_F(BakeTargetTest, FinishedRoundsAreNotBakedAgain) {
 }
 
 TEST_F(BakeTargetTest, RoundsWhoseBestIsLostAreBakedAgain) {
-  options_.target.tolerance = 0.02f;
+  options_.target.tolerance = 0.05f;
   size_t begun = 0;
   options_.begins = [&begun](const Digest&) { ++begun; };
   options_.stop = [&] { return begun > 1; };
