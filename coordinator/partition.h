@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -19,21 +20,26 @@ inline constexpr double kFewestTasks = 48;
 /// ... unless they would have fewer vertices than this in no time at all.
 inline constexpr uint32_t kFewestVertices = 64;
 
-/// What a block of vertices took in an earlier round.
+/// What a block of vertices took in an earlier round, and the line that whoever computed it waits at.
 struct MeasuredBlock {
   GatherBlock block;
   double seconds = 0;
+  std::optional<uint32_t> home;
 };
 
-/// Each vertex's part of what its blocks took.
-std::vector<float> SpreadSeconds(std::span<const MeasuredBlock> blocks, uint32_t vertices);
+/// What is known of a round's vertices before it is cut into tasks.
+struct VertexWork {
+  float seconds = 0;             ///< that the vertex is thought to take, with all its directions
+  std::optional<uint32_t> home;  ///< line of the worker that holds its hits
+};
 
-/// Cuts each shard (common/queue/shard.h) into tasks that are thought to take alike, ordered by first vertex,
-/// then first column: whoever has computed a shard finds the whole of its next tasks in memory. Which tasks a
-/// round has changes no result.
-/// @param seconds           that each vertex is thought to take, with all its directions
+/// Each vertex's part of what its blocks took; of blocks beside each other, the last one's home.
+std::vector<VertexWork> SpreadWork(std::span<const MeasuredBlock> blocks, uint32_t vertices);
+
+/// Cuts each shard (common/queue/shard.h), and in it what different workers hold, into tasks that are thought
+/// to take alike, ordered by first vertex, then first column. Which tasks a round has changes no result.
 /// @param columns_per_task  at most; > 0
-std::vector<GatherBlock> CutByCost(std::span<const float> seconds, uint32_t columns,
+std::vector<GatherBlock> CutByCost(std::span<const VertexWork> work, uint32_t columns,
                                    uint32_t columns_per_task);
 
 /// The same with so many vertices a task.

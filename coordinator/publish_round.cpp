@@ -5,6 +5,7 @@
 
 #include "common/archive/archive.h"
 #include "common/archive/lobe_codec.h"
+#include "common/archive/row_sums.h"
 #include "common/archive/slice_table.h"
 #include "common/base/files.h"
 #include "common/round/round_files.h"
@@ -52,6 +53,10 @@ Status WriteInput(const ExecutorInput& bake, const RoundManifest& manifest, cons
   if (previous) content.layer_bytes.emplace_back(previous->slots.begin(), previous->slots.end());
   const std::filesystem::path path = InputPath(bake.store.root(), manifest.InputKey());
   GLINT_RETURN_IF_ERROR(CreateFolders(path.parent_path()));
+  if (previous) {
+    const std::vector<uint64_t> sums = RowSums(previous->views, bake.domain.row_count(), bake.threads);
+    GLINT_RETURN_IF_ERROR(WriteRowSums(InputRowsPath(bake.store.root(), manifest.InputKey()), sums));
+  }
   return WriteArchive(path, content);
 }
 

@@ -18,16 +18,18 @@ uint32_t Vertices(const QueuedRound& round) {
   return last.first_vertex + last.vertices;
 }
 
-/// Shard of a task.
-uint32_t ShardOfTask(const QueuedRound& round, size_t task, uint32_t shards) {
-  return ShardOf(round.tasks[task].block.first_vertex, Vertices(round), shards);
+/// The line that a task waits in: that of the worker which holds its hits, else its shard's.
+uint32_t LineOfTask(const QueuedRound& round, size_t i, uint32_t lines) {
+  const TaskSpec& task = round.tasks[i];
+  return task.home && *task.home < lines ? *task.home
+                                         : ShardOf(task.block.first_vertex, Vertices(round), lines);
 }
 
-/// Orders tasks so that the first ones are spread over all shards: not all may fit into the queue at once.
-void SpreadOverShards(const QueuedRound& round, uint32_t shards, std::vector<size_t>* tasks) {
-  std::vector<uint32_t> length(shards, 0);
-  std::vector<std::pair<uint32_t, size_t>> placed;  // place in its shard's line, task
-  for (const size_t task : *tasks) placed.emplace_back(length[ShardOfTask(round, task, shards)]++, task);
+/// Orders tasks so that the first ones are spread over all lines: not all may fit into the queue at once.
+void SpreadOverLines(const QueuedRound& round, uint32_t lines, std::vector<size_t>* tasks) {
+  std::vector<uint32_t> length(lines, 0);
+  std::vector<std::pair<uint32_t, size_t>> placed;  // place in its line, task
+  for (const size_t task : *tasks) placed.emplace_back(length[LineOfTask(round, task, lines)]++, task);
   std::sort(placed.begin(), placed.end());
   std::transform(placed.begin(), placed.end(), tasks->begin(), [](const auto& p) { return p.second; });
 }
@@ -87,7 +89,7 @@ Status RoundDispatcher::Feed(const std::optional<QueueState>& state) {
   const uint64_t queued = state ? state->waiting + state->in_flight : 0;
   if (queued == 0 && unpublished_.empty()) {  // at first, and whenever the queue has lost some
     GLINT_ASSIGN_OR_RETURN(unpublished_, NotGivenUp());
-    SpreadOverShards(round_, bake_.shards, &unpublished_);
+    SpreadOverLines(round_, bake_.shards, &unpublished_);
     std::reverse(unpublished_.begin(), unpublished_.end());
   }
   const uint64_t room = options_.max_queued - std::min(options_.max_queued, queued);
@@ -115,7 +117,7 @@ Status RoundDispatcher::Publish(uint64_t room) {
   std::vector<TaskMessage> messages;
   while (messages.size() < room && !unpublished_.empty()) {
     const size_t task = unpublished_.back();
-    messages.push_back({round_.manifest, task, ShardOfTask(round_, task, bake_.shards)});
+    messages.push_back({round_.manifest, task, LineOfTask(round_, task, bake_.shards)});
     unpublished_.pop_back();
   }
   return messages.empty() ? Status() : queue_.Publish(bake_.bake, messages);

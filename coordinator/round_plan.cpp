@@ -32,16 +32,20 @@ uint32_t ColumnsPerTask(const PlanInput& input) {
   return input.directions_per_task ? std::min(input.directions_per_task, columns) : columns;
 }
 
-std::vector<float> VertexSeconds(const PlanInput& input, std::span<const TaskSpec> before) {
+std::vector<VertexWork> WorkAhead(const PlanInput& input, std::span<const TaskSpec> before) {
   const uint32_t vertices = input.domain.row_count();
   std::vector<MeasuredBlock> measured;
   double total = 0;
   for (const TaskSpec& task : before) {
-    measured.push_back({task.block, input.store.FindSeconds(task.key).value_or(0)});
-    total += measured.back().seconds;
+    const TaskNote note = input.store.FindNote(task.key).value_or(TaskNote());
+    measured.push_back({task.block, note.seconds, note.home});
+    total += note.seconds;
   }
-  return total > 0 ? SpreadSeconds(measured, vertices)
-                   : GuessVertexSeconds(input.domain, input.settings, input.grid.size());
+  if (total > 0) return SpreadWork(measured, vertices);
+  std::vector<VertexWork> work;
+  for (const float seconds : GuessVertexSeconds(input.domain, input.settings, input.grid.size()))
+    work.push_back({seconds, std::nullopt});
+  return work;
 }
 
 /// Whether the blocks are all of the round, in order, as CutByCost leaves them.
@@ -60,22 +64,24 @@ bool Covers(const std::vector<GatherBlock>& blocks, const PlanInput& input) {
 }
 
 /// None: there is no plan, or one that is damaged or for other words.
-std::optional<std::vector<GatherBlock>> ReadPlan(const fs::path& path, const PlanInput& input,
-                                                 const RoundManifest& round) {
+std::optional<RoundManifest> ReadPlan(const fs::path& path, const PlanInput& input,
+                                      const RoundManifest& round) {
   Result<RoundManifest> plan = ReadManifest(path);
   const bool fits = plan.ok() && plan->InputKey() == round.InputKey() && Covers(plan->blocks, input);
-  return fits ? std::optional(std::move(plan->blocks)) : std::nullopt;
+  return fits ? std::optional(std::move(plan).value()) : std::nullopt;
 }
 
-Result<std::vector<GatherBlock>> KeptPlan(const PlanInput& input, RoundManifest round,
-                                          std::span<const TaskSpec> before) {
+Result<RoundManifest> KeptPlan(const PlanInput& input, RoundManifest round,
+                               std::span<const TaskSpec> before) {
   const fs::path path = PlanPath(input.store.root(), round.InputKey());
-  if (std::optional<std::vector<GatherBlock>> kept = ReadPlan(path, input, round)) return std::move(*kept);
-  round.blocks = CutByCost(VertexSeconds(input, before), input.grid.size(), ColumnsPerTask(input));
+  if (std::optional<RoundManifest> kept = ReadPlan(path, input, round)) return std::move(*kept);
+  const std::vector<VertexWork> work = WorkAhead(input, before);
+  round.blocks = CutByCost(work, input.grid.size(), ColumnsPerTask(input));
+  for (const GatherBlock& block : round.blocks) round.homes.push_back(work[block.first_vertex].home);
   const std::string json = ToJson(round);
   GLINT_RETURN_IF_ERROR(CreateFolders(path.parent_path()));
   GLINT_RETURN_IF_ERROR(PublishFile(path, std::as_bytes(std::span(json))));
-  return std::move(round.blocks);
+  return round;
 }
 
 }  // namespace
@@ -87,12 +93,10 @@ Result<std::vector<TaskSpec>> PlanRound(const PlanInput& input, int layer, const
     round.blocks = CutEvenly(input.domain.row_count(), input.vertices_per_task, input.grid.size(),
                              ColumnsPerTask(input));
   } else {
-    GLINT_ASSIGN_OR_RETURN(round.blocks, KeptPlan(input, round, before));
+    GLINT_ASSIGN_OR_RETURN(round, KeptPlan(input, round, before));
   }
-  const Digest bake = round.Bake();
   std::vector<TaskSpec> tasks;
-  for (const GatherBlock& block : round.blocks)
-    tasks.push_back({TaskKey(bake, layer, block, previous), layer, block});
+  for (size_t i = 0; i < round.blocks.size(); ++i) tasks.push_back(round.Task(i));
   return tasks;
 }
 

@@ -47,7 +47,7 @@ Result<bool> LockForRemoval(int fd, const fs::path& folder) {
 /// What bakes put into `folder`, which is locked, and the folder itself if it is empty then.
 Status RemoveContents(const fs::path& folder) {
   std::error_code error;
-  for (const char* part : {"chunks", "tasks", "rounds", "plans", "inputs", "failed"}) {
+  for (const char* part : {"chunks", "tasks", "rounds", "plans", "inputs", "failed", "homes"}) {
     fs::remove_all(folder / part, error);
     if (error) break;
   }

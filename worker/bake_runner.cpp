@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "common/archive/archive.h"
+#include "common/archive/row_sums.h"
 #include "common/round/round_files.h"
 #include "worker/compute_task.h"
 #include "worker/execution_id.h"
@@ -15,15 +16,28 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// What a round reads: of the layer before only the rows that its rays reach.
+struct RoundInput {
+  Archive archive;
+  std::vector<uint64_t> row_sums;
+
+  const LayerViews* Previous() const { return archive.layers().empty() ? nullptr : &archive.layers().back(); }
+};
+
 /// The round's input, if it is what the manifest names.
-Result<Archive> OpenInput(const fs::path& folder, const RoundManifest& round) {
+Result<RoundInput> OpenInput(const fs::path& folder, const RoundManifest& round) {
   const fs::path path = InputPath(folder, round.InputKey());
-  GLINT_ASSIGN_OR_RETURN(Archive input, Archive::Open(path));
-  const bool matches = input.archive_key() == round.InputKey() &&
-                       input.grid_level() == round.settings.grid_level &&
-                       input.layers().empty() == (round.layer == 0);
+  GLINT_ASSIGN_OR_RETURN(Archive archive, Archive::Open(path, Archive::Checks::kAllButTables));
+  const bool matches = archive.archive_key() == round.InputKey() &&
+                       archive.grid_level() == round.settings.grid_level &&
+                       archive.layers().empty() == (round.layer == 0);
   if (!matches)
     return BadInput(path.string() + ": is not the input of this round; remove the file and resume the bake");
+  RoundInput input{std::move(archive), {}};
+  if (round.layer > 0) {
+    GLINT_ASSIGN_OR_RETURN(input.row_sums, ReadRowSums(InputRowsPath(folder, round.InputKey()),
+                                                       input.archive.domain().row_count()));
+  }
   return input;
 }
 
@@ -57,21 +71,25 @@ struct BakeRunner::State {
   int threads;
   uint64_t memory_bytes;
   WorkerMeter* meter;
+  std::optional<uint32_t> home;
   std::shared_mutex mutex;            ///< shared: tasks at work; exclusive: the round changes
   std::unique_ptr<Surface> surface;   ///< of the first task that had to be computed
   std::optional<Digest> round_input;  ///< that the gatherer has turned to
+  std::optional<RoundInput> input = std::nullopt;  ///< which it reads as it goes
 
   Status BeginRound(const RoundManifest& round) {
     const MeteredSpan span(meter ? &meter->round_seconds : nullptr);
-    GLINT_ASSIGN_OR_RETURN(const Archive input, OpenInput(store.root(), round));
+    GLINT_ASSIGN_OR_RETURN(RoundInput opened, OpenInput(store.root(), round));
     round_input.reset();  // should something fail half way
     if (!surface || surface->bake != round.Bake()) {
       surface.reset();
-      auto made = std::make_unique<Surface>(round.Bake(), input.domain(), round.settings, memory_bytes);
+      auto made =
+          std::make_unique<Surface>(round.Bake(), opened.archive.domain(), round.settings, memory_bytes);
       GLINT_RETURN_IF_ERROR(made->rays.status());
       surface = std::move(made);
     }
-    surface->gatherer->BeginLayer(round.layer, round.layer > 0 ? &input.layers().back() : nullptr, threads);
+    surface->gatherer->BeginLayer(round.layer, opened.Previous(), threads, opened.row_sums);
+    input.emplace(std::move(opened));  // and that of the round before goes
     round_input = round.InputKey();
     return {};
   }
@@ -94,10 +112,10 @@ BakeRunner::BakeRunner(BakeRunner&&) noexcept = default;
 BakeRunner::~BakeRunner() = default;
 
 Result<BakeRunner> BakeRunner::Open(const fs::path& folder, int threads, uint64_t memory_bytes,
-                                    WorkerMeter* meter) {
+                                    WorkerMeter* meter, std::optional<uint32_t> home) {
   GLINT_ASSIGN_OR_RETURN(ChunkStore store, ChunkStore::Open(folder));
   return BakeRunner(
-      std::unique_ptr<State>(new State{std::move(store), threads, memory_bytes, meter, {}, {}, {}}));
+      std::unique_ptr<State>(new State{std::move(store), threads, memory_bytes, meter, home, {}, {}, {}}));
 }
 
 Result<bool> BakeRunner::Run(const RoundManifest& round, size_t index) {
@@ -110,13 +128,14 @@ Result<bool> BakeRunner::Run(const RoundManifest& round, size_t index) {
   if (state_->store.FindResult(task.key)) return true;
   GLINT_ASSIGN_OR_RETURN(const std::shared_lock<std::shared_mutex> at_work, state_->EnterRound(round));
   GLINT_RETURN_IF_ERROR(CheckBlock(task.block, state_->surface->domain));
-  GLINT_RETURN_IF_ERROR(ComputeTask(task, *state_->surface->gatherer, &state_->store, state_->meter));
+  const Status computed =
+      ComputeTask(task, *state_->surface->gatherer, &state_->store, state_->meter, state_->home);
+  if (computed.kind() == ErrorKind::kBadInput) {
+    return computed.WithContext(InputPath(state_->store.root(), round.InputKey()).string() +
+                                " (remove it and resume the bake)");
+  }
+  GLINT_RETURN_IF_ERROR(computed);
   return false;
-}
-
-uint32_t BakeRunner::vertices() const {
-  const std::shared_lock lock(state_->mutex);
-  return state_->surface ? state_->surface->domain.row_count() : 0;
 }
 
 Status CheckExecution(const RoundManifest& round) {

@@ -22,8 +22,9 @@ class BakeRunner {
   /// @param threads       to turn to a round with; Run may be called by any number
   /// @param memory_bytes  bound on hit sets kept between rounds
   /// @param meter         null: nobody watches
+  /// @param home          noted of what it computes (TaskNote)
   static Result<BakeRunner> Open(const std::filesystem::path& folder, int threads, uint64_t memory_bytes,
-                                 WorkerMeter* meter = nullptr);
+                                 WorkerMeter* meter = nullptr, std::optional<uint32_t> home = std::nullopt);
   BakeRunner(BakeRunner&&) noexcept;
   ~BakeRunner();
 
@@ -32,8 +33,6 @@ class BakeRunner {
   /// kMismatch: this program cannot compute the bake's tasks; kBadInput, kLimit: the round's input is
   /// missing, damaged or too large; kIo.
   Result<bool> Run(const RoundManifest& round, size_t index);
-  /// Of the surface; 0 before the first task.
-  uint32_t vertices() const;
 
  private:
   struct Surface;

@@ -23,21 +23,24 @@ GatheredTask GatherTask(const TaskSpec& task, Gatherer& gatherer) {
   return gathered;
 }
 
-Status PublishTask(const TaskSpec& task, const GatheredTask& gathered, ChunkStore* store) {
+Status PublishTask(const TaskSpec& task, const GatheredTask& gathered, ChunkStore* store,
+                   std::optional<uint32_t> home) {
   // A message that came twice may have had it computed twice at once; what is there is not touched.
   if (store->FindResult(task.key)) return {};
-  return store->PutResult(task.key, SerializeBlock(gathered.result), gathered.seconds).status();
+  return store->PutResult(task.key, SerializeBlock(gathered.result), {gathered.seconds, home}).status();
 }
 
-Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store, WorkerMeter* meter) {
+Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store, WorkerMeter* meter,
+                   std::optional<uint32_t> home) {
   GatheredTask gathered;
   {
     const MeteredSpan span(meter ? &meter->gather_seconds : nullptr);
     gathered = GatherTask(task, gatherer);
   }
+  GLINT_RETURN_IF_ERROR(gatherer.status());
   if (meter) meter->rays += gathered.result.counters.rays;
   const MeteredSpan span(meter ? &meter->publish_seconds : nullptr);
-  return PublishTask(task, gathered, store);
+  return PublishTask(task, gathered, store, home);
 }
 
 }  // namespace glint

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstdint>
+#include <optional>
+
 #include "common/base/status.h"
 #include "common/round/task.h"
 #include "common/store/store.h"
@@ -9,9 +12,12 @@
 namespace glint {
 
 /// Computes a task and publishes its chunk: the same bytes wherever it runs. `gatherer` has turned to the
-/// task's layer. Thread-safe; safe to repeat. kIo: the chunk cannot be written.
+/// task's layer. Thread-safe; safe to repeat. kIo: the chunk cannot be written; kBadInput: the layer before
+/// is damaged.
 /// @param meter  null: nobody watches
-Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store, WorkerMeter* meter = nullptr);
+/// @param home   of whoever computes it (TaskNote)
+Status ComputeTask(const TaskSpec& task, Gatherer& gatherer, ChunkStore* store, WorkerMeter* meter = nullptr,
+                   std::optional<uint32_t> home = std::nullopt);
 
 /// What the gatherer found, and the processor time that it took.
 struct GatheredTask {
@@ -21,6 +27,7 @@ struct GatheredTask {
 
 // The two halves of ComputeTask.
 GatheredTask GatherTask(const TaskSpec& task, Gatherer& gatherer);
-Status PublishTask(const TaskSpec& task, const GatheredTask& gathered, ChunkStore* store);
+Status PublishTask(const TaskSpec& task, const GatheredTask& gathered, ChunkStore* store,
+                   std::optional<uint32_t> home = std::nullopt);
 
 }  // namespace glint

@@ -2,9 +2,11 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 
 #include "common/archive/archive.h"
 #include "common/archive/chunk.h"
+#include "common/base/status.h"
 #include "common/domain/bake_domain.h"
 #include "common/domain/bake_settings.h"
 #include "common/domain/direction_grid.h"
@@ -22,11 +24,19 @@ class Gatherer {
  public:
   virtual ~Gatherer() = default;
   /// Turns to a layer, before its first block.
-  /// @param layer     0: direct light; above: gathers `previous`, the tables of layer - 1, which are needed
-  ///                  during the call only
-  virtual void BeginLayer(int layer, const LayerViews* previous, int threads) = 0;
+  /// @param layer     0: direct light; above: gathers `previous`, the tables of layer - 1
+  /// @param row_sums  none: the tables are sound; they are unpacked at once, and needed no longer. Else
+  /// RowSum
+  ///                  of each row: rows are read, and compared, as rays reach them, until the next layer
+  virtual void BeginLayer(int layer, const LayerViews* previous, int threads,
+                          std::span<const uint64_t> row_sums) = 0;
+  void BeginLayer(int layer, const LayerViews* previous, int threads) {
+    BeginLayer(layer, previous, threads, {});
+  }
   /// Thread-safe within a layer.
   virtual BlockResult Gather(const GatherBlock& block) = 0;
+  /// kBadInput: what was gathered since BeginLayer is wrong, as a row of the layer before is damaged.
+  virtual Status status() const = 0;
 };
 
 /// What gatherers need of a scene; outlives them.

@@ -5,10 +5,12 @@
 #include <cmath>
 #include <cstring>
 #include <glm/geometric.hpp>
+#include <string>
 
 #include "common/archive/lobe_codec.h"
 #include "common/archive/merge_lobes.h"
 #include "common/archive/nested.h"
+#include "common/archive/row_sums.h"
 #include "common/archive/transfer.h"
 #include "common/base/bend_normal.h"
 #include "common/base/frame.h"
@@ -94,14 +96,16 @@ struct LayerLight::Sums {
 };
 
 LayerLight::LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views,
-                       int layer, int threads)
+                       int layer, int threads, std::span<const uint64_t> row_sums)
     : domain_(domain),
       grid_(grid),
       layer_(layer),
       lobes_(static_cast<int>(views.specular.size())),
       words_((grid.size() + kWordColumns - 1) / kWordColumns),
       head_((words_ * sizeof(uint64_t) + sizeof(Entry) - 1) / sizeof(Entry)),
-      samplers_(MakeSliceSamplers(domain.shapes)) {
+      samplers_(MakeSliceSamplers(domain.shapes)),
+      views_(views),
+      row_sums_(row_sums) {
 #if defined(__x86_64__)
   wide_ = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi") && __builtin_cpu_supports("bmi2") &&
           __builtin_cpu_supports("popcnt");
@@ -110,9 +114,11 @@ LayerLight::LayerLight(const BakeDomain& domain, const DirectionGrid& grid, cons
   if (layer == 0) absent = {{EncodeHalf(1), EncodeHalf(1), 0, 0}, {0, 0, 0}, EncodeHalf(1)};
   absent_.assign(static_cast<size_t>(std::max(lobes_, 1)), absent);
   empty_row_.assign(words_, 0);
+  unreached_.assign(words_, 0);
+  packed_.resize(domain.row_count());
+  if (domain.has_diffuse()) diffuse_.assign(2 * static_cast<size_t>(domain.row_count()), absent_[0]);
   PackSurface();
-  PackRows(views, threads);
-  if (domain.has_diffuse()) PackDiffuse(views);
+  if (row_sums_.empty()) PackRows(threads);
 }
 
 void LayerLight::PackSurface() {
@@ -124,7 +130,8 @@ void LayerLight::PackSurface() {
     triangles_.push_back(
         {t, domain_.FaceNormal(static_cast<uint32_t>(i)), domain_.triangle_double_sided[i], one_shape});
   }
-  const auto* nothing = reinterpret_cast<const std::byte*>(empty_row_.data());
+  const auto* nothing =
+      reinterpret_cast<const std::byte*>(row_sums_.empty() ? empty_row_.data() : unreached_.data());
   vertices_.reserve(domain_.vertex_count());
   for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
     vertices_.push_back(
@@ -161,20 +168,53 @@ LayerLight::Entry LayerLight::Pack(const LayerViews& views, uint32_t slot, uint3
           EncodeHalf(strength)};
 }
 
-void LayerLight::PackRows(const LayerViews& views, int threads) {
-  if (views.specular.empty()) return;
-  packed_.resize(domain_.row_count());
+void LayerLight::PackRows(int threads) {
   constexpr size_t kGrain = 256;
-  ParallelFor(packed_.size(), threads, kGrain, [&](size_t i, int) {
-    const auto v = static_cast<uint32_t>(i);
-    const bool stored = std::any_of(views.specular.begin(), views.specular.end(),
-                                    [&](const SliceTableView& table) { return !table.RowEmpty(v); });
-    if (!stored) return;
+  ParallelFor(packed_.size(), threads, kGrain, [&](size_t v, int) { PackRowOf(static_cast<uint32_t>(v)); });
+}
+
+/// Makes what the layer stores of a row ready for look-ups; its words last.
+void LayerLight::PackRowOf(uint32_t v) const {
+  if (!diffuse_.empty())
+    for (uint32_t side = 0; side < 2; ++side)
+      diffuse_[2 * size_t{v} + side] = Pack(views_, views_.diffuse_slot(), v, side);
+  const std::byte* words = reinterpret_cast<const std::byte*>(empty_row_.data());
+  const bool stored = std::any_of(views_.specular.begin(), views_.specular.end(),
+                                  [&](const SliceTableView& table) { return !table.RowEmpty(v); });
+  if (stored) {
     thread_local std::vector<Entry> slices;
-    UnpackRow(views, v, &slices);
+    UnpackRow(views_, v, &slices);
     packed_[v] = PackRow(slices);
-    RowAt(v).words = reinterpret_cast<const std::byte*>(packed_[v].data());
-  });
+    words = reinterpret_cast<const std::byte*>(packed_[v].data());
+  }
+  __atomic_store_n(&RowAt(v).words, words, __ATOMIC_RELEASE);
+}
+
+/// Words of a row.
+inline const std::byte* LayerLight::Words(uint32_t v) const {
+  const std::byte* words = __atomic_load_n(&RowAt(v).words, __ATOMIC_ACQUIRE);
+  const bool reached = words != reinterpret_cast<const std::byte*>(unreached_.data());
+  return reached ? words : Reach(v);
+}
+
+/// The words of a row that none, or just another, look-up has reached.
+__attribute__((noinline)) const std::byte* LayerLight::Reach(uint32_t v) const {
+  const std::lock_guard lock(reaching_[v % reaching_.size()]);
+  Row& row = RowAt(v);
+  if (row.words != reinterpret_cast<const std::byte*>(unreached_.data())) return row.words;
+  if (RowSum(views_, v) == row_sums_[v]) {
+    PackRowOf(v);
+  } else {
+    damaged_row_ = v;
+    __atomic_store_n(&row.words, reinterpret_cast<const std::byte*>(empty_row_.data()), __ATOMIC_RELEASE);
+  }
+  return row.words;
+}
+
+Status LayerLight::status() const {
+  const uint32_t row = damaged_row_;
+  if (row == kNoRow) return {};
+  return BadInput("row " + std::to_string(row) + " of the layer before is damaged");
 }
 
 /// Entries of all directions and lobes of a bake vertex, those that are predicted, too.
@@ -241,13 +281,6 @@ std::vector<LayerLight::Entry> LayerLight::PackRow(const std::vector<Entry>& sli
     if (words[column / kWordColumns] >> (column % kWordColumns) & 1)
       out = std::copy_n(&slices[column * lobes], lobes, out);
   return row;
-}
-
-void LayerLight::PackDiffuse(const LayerViews& views) {
-  diffuse_.assign(2 * static_cast<size_t>(domain_.row_count()), absent_[0]);
-  for (uint32_t v = 0; v < domain_.row_count(); ++v)
-    for (uint32_t side = 0; side < 2; ++side)
-      diffuse_[2 * size_t{v} + side] = Pack(views, views.diffuse_slot(), v, side);
 }
 
 // The same code twice: once for any x86-64, once where the processor counts bits and has wide registers; both
@@ -377,7 +410,7 @@ inline bool LayerLight::LocateAround(const glm::vec3& direction, uint32_t* hint,
 
 inline void LayerLight::FindEntries(Pending* hit) const {
   for (int i = 0; i < hit->rows; ++i) {
-    const std::byte* row = RowAt(hit->row[i]).words;
+    const std::byte* row = Words(hit->row[i]);
     const Entry* entries = reinterpret_cast<const Entry*>(row) + head_;
     for (int j = 0; j < 3; ++j) {
       const auto word = table_internal::Load<uint64_t>(row + sizeof(uint64_t) * hit->word[j]);

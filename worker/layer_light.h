@@ -1,10 +1,13 @@
 #pragma once
 
 #include <array>
+#include <atomic>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <vector>
@@ -36,16 +39,19 @@ struct HitLight {
 /// moments: corners that are too far apart to be averaged are each kept, not grouped. Entries are decoded
 /// once into sixteen bytes that add up with two multiply-adds, all lobes of a (vertex, direction) side by
 /// side, those that nested tables leave out as well; look-ups run in batches whose stages prefetch what the
-/// next will read. Memory: 16 bytes a stored slice, and 8 bytes for each 48 directions of a bake vertex.
-/// Immutable; thread-safe.
+/// next will read. Memory: 16 bytes a stored slice, and 8 bytes for each 48 directions of a bake vertex; with
+/// row sums, of those vertices only that look-ups have reached. Thread-safe.
 class LayerLight {
  public:
+  /// @param row_sums  as Gatherer::BeginLayer
   LayerLight(const BakeDomain& domain, const DirectionGrid& grid, const LayerViews& views, int layer,
-             int threads);
+             int threads, std::span<const uint64_t> row_sums = {});
 
   /// out[i] answers queries[i]. Queries in a row that are near each other go faster; the answers do not
   /// depend on that.
   void Look(std::span<const LightQuery> queries, HitLight* out) const;
+  /// kBadInput: answers are wrong, as a row differs from its sum.
+  Status status() const;
 
  private:
   static constexpr int kBatch = 32;
@@ -60,7 +66,9 @@ class LayerLight {
     std::array<uint16_t, 4> linear;
     std::array<int16_t, 3> vector;
     uint16_t strength;
-    bool operator==(const Entry&) const = default;
+    bool operator==(const Entry& o) const {  // of some hundred million: without calls
+      return std::bit_cast<std::array<uint64_t, 2>>(*this) == std::bit_cast<std::array<uint64_t, 2>>(o);
+    }
   };
   struct alignas(32) Triangle {
     std::array<uint32_t, 3> vertex;
@@ -81,19 +89,20 @@ class LayerLight {
   struct Sums;
 
   void PackSurface();
-  void PackRows(const LayerViews& views, int threads);
+  void PackRows(int threads);
+  void PackRowOf(uint32_t v) const;
+  const std::byte* Reach(uint32_t v) const;
   void UnpackRow(const LayerViews& views, uint32_t v, std::vector<Entry>* slices) const;
   void PredictSlices(const SliceTableView::RowView& row, uint32_t slot, uint32_t v,
                      std::vector<Entry>* slices) const;
   static Entry Mean(const Entry& a, const Entry& b);
   std::vector<Entry> PackRow(const std::vector<Entry>& slices) const;
-  void PackDiffuse(const LayerViews& views);
   /// A slice as one entry, however many lobes it has.
   Entry Pack(const LayerViews& views, uint32_t slot, uint32_t v, uint32_t column) const;
   void LookWide(std::span<const LightQuery> queries, HitLight* out) const;
   void LookBatches(std::span<const LightQuery> queries, HitLight* out) const;
-  Row& RowAt(uint32_t r) { return facet_rows_ ? row_[r] : vertices_[r].row; }
-  const Row& RowAt(uint32_t r) const { return facet_rows_ ? row_[r] : vertices_[r].row; }
+  Row& RowAt(uint32_t r) const { return facet_rows_ ? row_[r] : vertices_[r].row; }
+  const std::byte* Words(uint32_t r) const;
   void FindRows(const LightQuery& query, Pending* hit) const;
   bool Orient(const LightQuery& query, Pending* hit) const;
   void Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit) const;
@@ -114,12 +123,20 @@ class LayerLight {
   bool wide_ = false;     ///< this processor has AVX2 and counts bits
   std::vector<SliceSampler> samplers_;
   std::vector<Triangle> triangles_;
-  std::vector<Vertex> vertices_;
-  std::vector<Row> row_;       ///< with facet_rows_
-  std::vector<Entry> absent_;  ///< as many as lobes: what a direction without an entry stands for
+  // What follows grows as rows are reached; nothing of a row changes once its words can be seen.
+  mutable std::vector<Vertex> vertices_;
+  mutable std::vector<Row> row_;  ///< with facet_rows_
+  std::vector<Entry> absent_;     ///< as many as lobes: what a direction without an entry stands for
   std::vector<uint64_t> empty_row_;
-  std::vector<std::vector<Entry>> packed_;  ///< of rows; their words take up entries, too
-  std::vector<Entry> diffuse_;              ///< [2 row + side]; empty if nothing is diffuse
+  mutable std::vector<std::vector<Entry>> packed_;  ///< of rows; their words take up entries, too
+  mutable std::vector<Entry> diffuse_;              ///< [2 row + side]; empty if nothing is diffuse
+  const LayerViews views_;                          ///< of use without row sums in the constructor alone
+  // With row sums:
+  static constexpr uint32_t kNoRow = UINT32_MAX;
+  const std::span<const uint64_t> row_sums_;
+  std::vector<uint64_t> unreached_;  ///< words of rows that no look-up has reached
+  mutable std::array<std::mutex, 64> reaching_;
+  mutable std::atomic<uint32_t> damaged_row_{kNoRow};
 };
 
 }  // namespace glint

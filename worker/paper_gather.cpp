@@ -32,12 +32,16 @@ class PaperGatherer : public Gatherer {
         surface_(input.domain, input.rays.epsilon()),
         samplers_(MakeSliceSamplers(input.domain.shapes)) {}
 
-  void BeginLayer(int layer, const LayerViews* previous, int threads) override {
+  void BeginLayer(int layer, const LayerViews* previous, int threads,
+                  std::span<const uint64_t> row_sums) override {
     layer_ = layer;
     light_.reset();
     if (layer > 0)
-      light_ = std::make_unique<LayerLight>(input_.domain, input_.grid, *previous, layer - 1, threads);
+      light_ =
+          std::make_unique<LayerLight>(input_.domain, input_.grid, *previous, layer - 1, threads, row_sums);
   }
+
+  Status status() const override { return light_ ? light_->status() : Status(); }
 
   BlockResult Gather(const GatherBlock& block) override {
     BlockResult result;

@@ -81,12 +81,16 @@ class SharedGatherer : public Gatherer {
         layout_{static_cast<uint32_t>(input.domain.max_lobes()), 1},
         cache_(input_, settings_, memory_bytes) {}
 
-  void BeginLayer(int layer, const LayerViews* previous, int threads) override {
+  void BeginLayer(int layer, const LayerViews* previous, int threads,
+                  std::span<const uint64_t> row_sums) override {
     layout_.slice_lobes = settings_.StoredLobes(layer);
     light_.reset();
     if (layer > 0)
-      light_ = std::make_unique<LayerLight>(input_.domain, input_.grid, *previous, layer - 1, threads);
+      light_ =
+          std::make_unique<LayerLight>(input_.domain, input_.grid, *previous, layer - 1, threads, row_sums);
   }
+
+  Status status() const override { return light_ ? light_->status() : Status(); }
 
   BlockResult Gather(const GatherBlock& block) override {
     BlockResult result;

@@ -17,9 +17,10 @@
 #include "common/round/round_files.h"
 #include "worker/bake_runner.h"
 #include "worker/execution_id.h"
+#include "worker/home_line.h"
 #include "worker/isolated_task.h"
 #include "worker/lease_keeper.h"
-#include "worker/shard_chooser.h"
+#include "worker/line_chooser.h"
 
 namespace glint {
 namespace {
@@ -43,17 +44,19 @@ class BakeAtWork {
   static Result<std::unique_ptr<BakeAtWork>> Open(const QueuedBake& bake, const WorkerOptions& options,
                                                   WorkerMeter* meter) {
     const fs::path folder = options.store / bake.bake.Hex();
-    GLINT_ASSIGN_OR_RETURN(BakeRunner runner,
-                           BakeRunner::Open(folder, options.threads, options.memory_bytes, meter));
+    auto home = std::make_unique<HomeLine>(folder, bake.shards, std::random_device{}());
+    GLINT_ASSIGN_OR_RETURN(BakeRunner runner, BakeRunner::Open(folder, options.threads, options.memory_bytes,
+                                                               meter, home->line()));
     GLINT_ASSIGN_OR_RETURN(ChunkStore store, ChunkStore::Open(folder));
-    return std::unique_ptr<BakeAtWork>(new BakeAtWork(bake, folder, std::move(runner), std::move(store)));
+    return std::unique_ptr<BakeAtWork>(
+        new BakeAtWork(bake, folder, std::move(home), std::move(runner), std::move(store)));
   }
 
   const QueuedBake& bake() const { return bake_; }
   const fs::path& folder() const { return folder_; }
   BakeRunner& runner() { return runner_; }
   const ChunkStore& store() const { return store_; }
-  ShardChooser& shards() { return shards_; }
+  LineChooser& lines() { return lines_; }
   /// Null: there is no such round (any more).
   std::shared_ptr<const RoundManifest> Round(const Digest& name) {
     const std::lock_guard lock(mutex_);
@@ -66,18 +69,21 @@ class BakeAtWork {
   }
 
  private:
-  BakeAtWork(QueuedBake bake, fs::path folder, BakeRunner runner, ChunkStore store)
+  BakeAtWork(QueuedBake bake, fs::path folder, std::unique_ptr<HomeLine> home, BakeRunner runner,
+             ChunkStore store)
       : bake_(std::move(bake)),
         folder_(std::move(folder)),
+        home_(std::move(home)),
         runner_(std::move(runner)),
         store_(std::move(store)),
-        shards_(bake_.shards, std::random_device{}()) {}
+        lines_(bake_.shards, home_->line(), std::random_device{}()) {}
 
   const QueuedBake bake_;
   const fs::path folder_;
+  const std::unique_ptr<HomeLine> home_;
   BakeRunner runner_;
   const ChunkStore store_;
-  ShardChooser shards_;
+  LineChooser lines_;
   std::mutex mutex_;
   Digest round_name_;
   std::shared_ptr<const RoundManifest> round_;
@@ -168,20 +174,18 @@ class Worker {
 
   /// One thread's tasks, until there are none for any thread, or other bakes have waited long enough.
   void TakeTasks() {
-    ShardChooser& shards = at_work_->shards();
     Result<std::unique_ptr<TaskSubscription>> subscription = source_.Subscribe(at_work_->bake().bake);
     while (subscription.ok() && !StopRequested() && !leave_) {
-      const ShardChooser::Choice where = ChooseShard();
+      const LineChooser::Choice where = ChooseLine();
       Result<std::unique_ptr<TaskLease>> lease =
-          (*subscription)->Fetch(where.shard, where.waits ? kProbeSeconds : kFetchSeconds);
+          (*subscription)->Fetch(where.line, where.waits ? kProbeSeconds : kFetchSeconds);
       if (lease.ok() && *lease) {
-        shards.Took((*lease)->message());
         ++meter_.busy;
         Handle(lease->get());
         --meter_.busy;
         MakeRoomForOthers();
       } else if (lease.ok() && where.waits) {
-        shards.FoundEmpty(where.shard);
+        at_work_->lines().FoundEmpty(where.line);
       } else if (meter_.busy == 0) {
         return;
       } else if (!lease.ok()) {
@@ -191,17 +195,20 @@ class Worker {
   }
 
   /// The line to ask next; asks the queue what there is if that is not known, though not all the time.
-  ShardChooser::Choice ChooseShard() {
-    ShardChooser& shards = at_work_->shards();
-    if (const ShardChooser::Choice choice = shards.Choose(); choice.waits) return choice;
+  LineChooser::Choice ChooseLine() {
+    LineChooser& lines = at_work_->lines();
+    if (const LineChooser::Choice choice = lines.Choose(Now()); choice.waits) return choice;
     const std::lock_guard lock(list_mutex_);
-    if (const ShardChooser::Choice choice = shards.Choose(); choice.waits) return choice;
+    if (const LineChooser::Choice choice = lines.Choose(Now()); choice.waits) return choice;
     std::this_thread::sleep_until(next_look_);
+    std::vector<uint64_t> messages;
     for (const QueuedBake& bake : ListFitting())
-      if (bake.bake == at_work_->bake().bake) shards.Update(bake.messages);
+      if (bake.bake == at_work_->bake().bake) messages = bake.messages;
+    lines.Update(messages, Now());
     next_look_ = Clock::now() + Seconds(kListSeconds);
-    return shards.Choose();
+    return lines.Choose(Now());
   }
+  static double Now() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
 
   void MakeRoomForOthers() {
     const std::unique_lock lock(list_mutex_, std::try_to_lock);
@@ -217,6 +224,7 @@ class Worker {
       lease->GiveUp();  // of a round that is over
       return;
     }
+    at_work_->lines().Took(lease->message(), round->layer, Now());
     Settle(lease, *round, Compute(lease, *round));
   }
 
@@ -235,8 +243,6 @@ class Worker {
   Outcome ComputeHere(const RoundManifest& round, size_t index) {
     try {
       const Result<bool> was_there = at_work_->runner().Run(round, index);
-      if (was_there.ok() && !*was_there)
-        at_work_->shards().Keep(round.blocks[index], at_work_->runner().vertices());
       return {was_there.status(), was_there.ok() && *was_there, {}};
     } catch (const std::bad_alloc&) {
       return {LimitExceeded("out of memory; give the worker fewer threads or a larger machine"), false, {}};

@@ -175,7 +175,7 @@ struct Archive::Impl {
   std::string report_json;
   std::vector<SectionInfo> infos;
 
-  Status Read(bool verify_checksums);
+  Status Read(Checks checksums);
   Status CheckSectionList(const std::vector<Section>& sections) const;
   Status ReadSection(const Section& section);
   Status ReadCompressed(const Section& section);
@@ -199,14 +199,16 @@ Status SectionError(const Section& section, const Status& status) {
 
 }  // namespace
 
-Status Archive::Impl::Read(bool verify_checksums) {
+Status Archive::Impl::Read(Checks checksums) {
   GLINT_ASSIGN_OR_RETURN(header, DecodeHeader(bytes));
   GLINT_ASSIGN_OR_RETURN(const std::vector<Section> sections, DecodeFooter(bytes));
   GLINT_RETURN_IF_ERROR(CheckSectionList(sections));
   layers.resize(header.layers);
   for (LayerViews& layer : layers) layer.nested = header.base_level < header.grid_level;
   for (const Section& section : sections) {
-    if (verify_checksums && Checksum64(Stored(section)) != section.checksum) {
+    const bool checked = checksums == Checks::kEverything ||
+                         (checksums == Checks::kAllButTables && section.kind != Kind::kTable);
+    if (checked && Checksum64(Stored(section)) != section.checksum) {
       return SectionError(section,
                           BadInput("checksum differs: the file is damaged; copy it again, or bake it again"));
     }
@@ -297,11 +299,11 @@ Archive::Archive(Archive&&) noexcept = default;
 Archive& Archive::operator=(Archive&&) noexcept = default;
 Archive::~Archive() = default;
 
-Result<Archive> Archive::Open(const std::filesystem::path& path, bool verify_checksums) {
+Result<Archive> Archive::Open(const std::filesystem::path& path, Checks checksums) {
   Archive archive;
   GLINT_ASSIGN_OR_RETURN(archive.impl_->file, MappedFile::Open(path));
   archive.impl_->bytes = archive.impl_->file.bytes();
-  GLINT_RETURN_IF_ERROR(archive.impl_->Read(verify_checksums).WithContext(path.string()));
+  GLINT_RETURN_IF_ERROR(archive.impl_->Read(checksums).WithContext(path.string()));
   return archive;
 }
 
@@ -309,7 +311,7 @@ Result<Archive> Archive::FromMemory(std::span<const std::byte> bytes, const std:
   Archive archive;
   archive.impl_->owned.assign(bytes.begin(), bytes.end());
   archive.impl_->bytes = archive.impl_->owned;
-  GLINT_RETURN_IF_ERROR(archive.impl_->Read(true).WithContext(name));
+  GLINT_RETURN_IF_ERROR(archive.impl_->Read(Checks::kEverything).WithContext(name));
   return archive;
 }
 

@@ -78,9 +78,14 @@ struct SectionInfo {
 /// A memory-mapped archive. Tables are used in place; geometry and BRDFs are decoded at opening.
 class Archive {
  public:
-  /// Checks magic, version, footer, every section's checksum (`verify_checksums`) and all bounds.
-  /// Errors: kBadInput naming file, section and remedy.
-  static Result<Archive> Open(const std::filesystem::path& path, bool verify_checksums = true);
+  enum class Checks {
+    kEverything,
+    kAllButTables,  ///< reads of tables no more than what look-ups rely on (row_sums.h)
+    kNothing,
+  };
+  /// Checks magic, version, footer, all bounds, and the sections' checksums. Errors: kBadInput naming file,
+  /// section and remedy.
+  static Result<Archive> Open(const std::filesystem::path& path, Checks checksums = Checks::kEverything);
   static Result<Archive> FromMemory(std::span<const std::byte> bytes, const std::string& name);
   Archive(Archive&&) noexcept;
   Archive& operator=(Archive&&) noexcept;

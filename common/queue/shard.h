@@ -4,9 +4,9 @@
 
 namespace glint {
 
-// A bake's messages wait in several lines, one for each shard of the surface: a run of vertices, the same in
-// every layer. Workers take tasks where they hold the vertices' hits from the layer before, and elsewhere
-// when nothing is left there (worker/shard_chooser.h).
+// A bake's messages wait in several lines, as many as its surface has shards: runs of vertices, the same in
+// every layer. In the first layer a task waits in its shard's line; in later ones where the worker waits that
+// computed its vertices before, and so holds their hits (worker/line_chooser.h).
 
 /// Shards of a surface: more than there are workers, so that each has some to itself. 1 to kMaxShards.
 uint32_t ShardsFor(uint32_t vertices);

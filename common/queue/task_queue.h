@@ -29,7 +29,7 @@ struct QueuedBake {
   std::string execution;     ///< ExecutionId() that its tasks need
   int priority = 1;          ///< share of the workers, relative to other bakes', 1 to kMaxPriority
   double lease_seconds = 0;  ///< a message comes again so long after the last sign of life of who has it
-  uint32_t shards = 1;       ///< lines that its messages wait in, 1 to kMaxShards
+  uint32_t shards = 1;       ///< and as many lines that its messages wait in, 1 to kMaxShards
   std::vector<uint64_t> messages = {};  ///< in each line, waiting or with a worker; from List only
 };
 inline constexpr uint32_t kMaxShards = 1024;

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "common/domain/direction_grid.h"
+#include "common/queue/task_queue.h"
 #include "common/round/json_field.h"
 #include "common/round/settings_json.h"
 #include "common/scene/scene.h"
@@ -53,22 +54,26 @@ class FieldReader {
   Status status_;
 };
 
-Result<GatherBlock> ParseBlock(const Json& json, uint32_t columns) {
-  uint64_t numbers[4] = {};  // zero vertices, where there are none, are out of range below
-  const bool four =
-      json.is_array() && json.size() == 4 &&
+/// A block, and behind it its vertices' home if one is known.
+Status ParseTask(const Json& json, uint32_t columns, RoundManifest* manifest) {
+  uint64_t numbers[5] = {};  // zero vertices, where there are none, are out of range below
+  const bool fits =
+      json.is_array() && (json.size() == 4 || json.size() == 5) &&
       std::all_of(json.begin(), json.end(), [](const Json& n) { return n.is_number_unsigned(); });
-  for (size_t i = 0; four && i < 4; ++i) numbers[i] = json[i].get<uint64_t>();
-  const auto [first_vertex, vertices, first_column, block_columns] = numbers;
+  for (size_t i = 0; fits && i < json.size(); ++i) numbers[i] = json[i].get<uint64_t>();
+  const auto [first_vertex, vertices, first_column, block_columns, home] = numbers;
   const bool in_range = first_vertex < kNone && vertices > 0 && vertices <= kNone - first_vertex &&
                         first_column < columns && block_columns > 0 &&
-                        block_columns <= columns - first_column;
+                        block_columns <= columns - first_column && home < kMaxShards;
   if (!in_range) return BadInput("not [first vertex, vertices, first column, columns] within the grid");
-  return GatherBlock{static_cast<uint32_t>(first_vertex), static_cast<uint32_t>(vertices),
-                     static_cast<uint32_t>(first_column), static_cast<uint32_t>(block_columns)};
+  manifest->blocks.push_back({static_cast<uint32_t>(first_vertex), static_cast<uint32_t>(vertices),
+                              static_cast<uint32_t>(first_column), static_cast<uint32_t>(block_columns)});
+  manifest->homes.emplace_back();
+  if (json.size() == 5) manifest->homes.back() = static_cast<uint32_t>(home);
+  return {};
 }
 
-Status ParseBlocks(const Json& json, int grid_level, std::vector<GatherBlock>* blocks) {
+Status ParseTasks(const Json& json, RoundManifest* manifest) {
   const auto list = json.find("tasks");
   if (list == json.end() || !list->is_array() || list->empty())
     return BadInput("field 'tasks' is not a list");
@@ -76,11 +81,10 @@ Status ParseBlocks(const Json& json, int grid_level, std::vector<GatherBlock>* b
     return LimitExceeded(std::to_string(list->size()) + " tasks in a round, more than " +
                          std::to_string(kMaxRoundTasks) + "; make tasks larger");
   }
-  const uint32_t columns = 10 * (1u << (2 * grid_level)) + 2;
+  const uint32_t columns = 10 * (1u << (2 * manifest->settings.grid_level)) + 2;
   for (const Json& entry : *list) {
-    Result<GatherBlock> block = ParseBlock(entry, columns);
-    if (!block.ok()) return block.status().WithContext("task " + std::to_string(blocks->size()));
-    blocks->push_back(*block);
+    const Status parsed = ParseTask(entry, columns, manifest);
+    if (!parsed.ok()) return parsed.WithContext("task " + std::to_string(manifest->blocks.size()));
   }
   return {};
 }
@@ -88,7 +92,8 @@ Status ParseBlocks(const Json& json, int grid_level, std::vector<GatherBlock>* b
 }  // namespace
 
 TaskSpec RoundManifest::Task(size_t index) const {
-  return {TaskKey(Bake(), layer, blocks[index], previous), layer, blocks[index]};
+  return {TaskKey(Bake(), layer, blocks[index], previous), layer, blocks[index],
+          homes.empty() ? std::nullopt : homes[index]};
 }
 
 Digest RoundManifest::InputKey() const {
@@ -101,8 +106,11 @@ std::string ToJson(const RoundManifest& manifest) {
   json["layer"] = manifest.layer;
   json["previous"] = manifest.previous.Hex();
   Json& tasks = json["tasks"] = Json::array();
-  for (const GatherBlock& b : manifest.blocks)
+  for (size_t i = 0; i < manifest.blocks.size(); ++i) {
+    const GatherBlock& b = manifest.blocks[i];
     tasks.push_back({b.first_vertex, b.vertices, b.first_column, b.columns});
+    if (!manifest.homes.empty() && manifest.homes[i]) tasks.back().push_back(*manifest.homes[i]);
+  }
   return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
@@ -121,7 +129,7 @@ Result<RoundManifest> ParseRoundManifest(std::span<const std::byte> text) {
   const auto settings = json.find("settings");
   if (settings == json.end()) return BadInput("field 'settings' is missing");
   GLINT_ASSIGN_OR_RETURN(manifest.settings, SettingsFromJson(*settings));
-  GLINT_RETURN_IF_ERROR(ParseBlocks(json, manifest.settings.grid_level, &manifest.blocks));
+  GLINT_RETURN_IF_ERROR(ParseTasks(json, &manifest));
   return manifest;
 }
 

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -21,6 +23,8 @@ struct RoundManifest {
   int layer = 0;
   Digest previous;                  ///< digest of the layer before; zero in layer 0
   std::vector<GatherBlock> blocks;  ///< of task 0, 1, ...
+  /// TaskSpec::home of task 0, 1, ...; in plans, else empty.
+  std::vector<std::optional<uint32_t>> homes;
 
   Digest Bake() const { return BakeKey(execution, scene, settings); }
   /// @param index  < blocks.size()

@@ -24,6 +24,9 @@ fs::path PlanPath(const fs::path& bake, const Digest& input_key) {
 fs::path InputPath(const fs::path& bake, const Digest& input_key) {
   return bake / "inputs" / (input_key.Hex() + ".glint");
 }
+fs::path InputRowsPath(const fs::path& bake, const Digest& input_key) {
+  return bake / "inputs" / (input_key.Hex() + ".rows");
+}
 fs::path QuarantinePath(const fs::path& bake, const Digest& task_key) {
   return bake / "failed" / (task_key.Hex() + ".json");
 }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
 
 #include "common/base/hash.h"
@@ -12,6 +14,8 @@ struct TaskSpec {
   Digest key;
   int layer = 0;
   GatherBlock block;
+  /// Line (common/queue/shard.h) of the worker that holds its vertices' hits, if one does. Not in the key.
+  std::optional<uint32_t> home = std::nullopt;
 };
 
 /// What every task of a bake depends on.

@@ -34,13 +34,26 @@ static_assert(sizeof(ChunkHeader) == 32);
 constexpr uint64_t kMaxChunkBytes = uint64_t{16} << 30;
 constexpr double kMicroseconds = 1e6;
 
-/// What a task's file says: "<digest> <microseconds> <XXH3 of what is before>\n", hexadecimal.
+/// What a task's file says: "<digest> <microseconds> <line> <XXH3 of what is before>\n", hexadecimal.
 struct Record {
   Digest chunk;
   uint64_t microseconds = 0;
+  uint64_t line = kNoLine;
+  static constexpr uint64_t kNoLine = UINT64_MAX;
+
+  Record() = default;
+  Record(const Digest& result, const TaskNote& note)
+      : chunk(result),
+        microseconds(static_cast<uint64_t>(std::llround(note.seconds * kMicroseconds))),
+        line(note.home ? *note.home : kNoLine) {}
+  TaskNote Note() const {
+    TaskNote note{static_cast<double>(microseconds) / kMicroseconds, {}};
+    if (line <= UINT32_MAX) note.home = static_cast<uint32_t>(line);
+    return note;
+  }
 };
 constexpr size_t kDigestDigits = 64, kNumberDigits = 16;
-constexpr size_t kCheckedBytes = kDigestDigits + 1 + kNumberDigits;
+constexpr size_t kCheckedBytes = kDigestDigits + 2 * (1 + kNumberDigits);
 constexpr uint64_t kRecordBytes = kCheckedBytes + 1 + kNumberDigits + 1;
 
 fs::path ShardedPath(const fs::path& root, const char* kind, const Digest& digest) {
@@ -57,7 +70,8 @@ std::string HexNumber(uint64_t number) {
 }
 
 std::string ToText(const Record& record) {
-  const std::string checked = record.chunk.Hex() + " " + HexNumber(record.microseconds);
+  const std::string checked =
+      record.chunk.Hex() + " " + HexNumber(record.microseconds) + " " + HexNumber(record.line);
   return checked + " " + HexNumber(Checksum64(std::as_bytes(std::span(checked)))) + "\n";
 }
 
@@ -69,6 +83,8 @@ std::optional<Record> ParseRecord(std::span<const std::byte> bytes) {
   Record record;
   const char* number = text.data() + kDigestDigits + 1;
   std::from_chars(number, number + kNumberDigits, record.microseconds, 16);
+  number += kNumberDigits + 1;
+  std::from_chars(number, number + kNumberDigits, record.line, 16);
   if (chunk) record.chunk = *chunk;
   return chunk && ToText(record) == text ? std::optional(record) : std::nullopt;
 }
@@ -142,14 +158,14 @@ std::optional<Digest> ChunkStore::FindResult(const Digest& task_key) const {
   return record ? std::optional(record->chunk) : std::nullopt;
 }
 
-std::optional<double> ChunkStore::FindSeconds(const Digest& task_key) const {
+std::optional<TaskNote> ChunkStore::FindNote(const Digest& task_key) const {
   const std::optional<Record> record = FindRecord(root_, task_key);
-  return record ? std::optional(static_cast<double>(record->microseconds) / kMicroseconds) : std::nullopt;
+  return record ? std::optional(record->Note()) : std::nullopt;
 }
 
 Result<Digest> ChunkStore::PutResult(const Digest& task_key, std::span<const std::byte> payload,
-                                     double seconds) {
-  const Record record{Sha256(payload), static_cast<uint64_t>(std::llround(seconds * kMicroseconds))};
+                                     const TaskNote& note) {
+  const Record record(Sha256(payload), note);
   // The chunk first: a record never points to what is not durable yet.
   GLINT_RETURN_IF_ERROR(PublishChunk(ChunkPath(root_, record.chunk), payload));
   const std::string text = ToText(record);

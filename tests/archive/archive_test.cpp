@@ -129,8 +129,9 @@ TEST_F(ArchiveTest, HoldsWhatWasWritten) {
   for (const TableForm form : {TableForm::kCompact, TableForm::kClassic, TableForm::kSegmented}) {
     Content c = MakeContent(300, 500, 3, 3, form);
     const auto bytes = Write(&c);
-    for (const bool verify : {true, false}) {
-      const auto archive = Archive::Open(Path(), verify);
+    for (const auto checks :
+         {Archive::Checks::kEverything, Archive::Checks::kAllButTables, Archive::Checks::kNothing}) {
+      const auto archive = Archive::Open(Path(), checks);
       ASSERT_TRUE(archive.ok()) << archive.status().message();
       ExpectHolds(*archive, c);
       EXPECT_EQ(archive->file_bytes(), bytes.size());

@@ -149,7 +149,7 @@ void PrintCosts(const Bench& bench) {
     if (!store.ok() || !round.ok()) Fail("cannot read the bake's folder");
     auto& [seconds, vertices] = layers[round->layer];
     for (size_t i = 0; i < round->blocks.size(); ++i) {
-      seconds += store->FindSeconds(round->Task(i).key).value_or(0);
+      seconds += store->FindNote(round->Task(i).key).value_or(TaskNote()).seconds;
       vertices += round->blocks[i].vertices;
     }
   }

@@ -14,7 +14,7 @@
 #include "common/base/hash.h"
 #include "coordinator/partition.h"
 #include "coordinator/round_dispatcher.h"
-#include "worker/shard_chooser.h"
+#include "worker/line_chooser.h"
 
 namespace glint {
 namespace {
@@ -206,13 +206,13 @@ class Bake : public RoundLedger {
     if (traced_[vertex]) result.again_seconds += seconds;
     traced_[vertex] = true;
   }
-  void Finish(const TaskMessage& task, double seconds) {
+  void Finish(const TaskMessage& task, double seconds, uint32_t home) {
     if (!Wants(task)) {
       ++result.computed_twice;
       return;
     }
     finished_[task.index] = true;
-    measured_.push_back({block(task), seconds});
+    measured_.push_back({block(task), seconds, home});
   }
   SimulatedBake Report() {
     double surface = 0;
@@ -238,13 +238,14 @@ class Bake : public RoundLedger {
 
   void BeginLayer() {
     // As PlanRound: by a guess that knows nothing of the regions, then by what was measured.
-    std::vector<float> seconds(work_.vertices,
-                               static_cast<float>(work_.trace_seconds + work_.gather_seconds));
-    if (!measured_.empty()) seconds = SpreadSeconds(measured_, work_.vertices);
-    const std::vector<GatherBlock> blocks = CutByCost(seconds, 1, 1);
+    std::vector<VertexWork> vertices(
+        work_.vertices, {static_cast<float>(work_.trace_seconds + work_.gather_seconds), std::nullopt});
+    if (!measured_.empty()) vertices = SpreadWork(measured_, work_.vertices);
+    const std::vector<GatherBlock> blocks = CutByCost(vertices, 1, 1);
     measured_.clear();
     tasks_.clear();
-    for (const GatherBlock& block : blocks) tasks_.push_back({{}, layer_, block});
+    for (const GatherBlock& block : blocks)
+      tasks_.push_back({{}, layer_, block, vertices[block.first_vertex].home});
     finished_.assign(blocks.size(), false);
     result.tasks += blocks.size();
     std::vector<size_t> open(blocks.size());
@@ -297,6 +298,7 @@ class Worker {
         queue_(*queue),
         bakes_(*bakes),
         fleet_(fleet),
+        number_(number),
         random_(static_cast<uint32_t>(fleet.seed + 7919 * number)) {
     slowness_ = static_cast<double>(number) < fleet.stragglers * fleet.workers ? fleet.straggling : 1;
     PlanDeath();
@@ -319,35 +321,43 @@ class Worker {
 
   void Enter(const QueuedBake& bake) {
     at_work_ = bakes_.at(bake.bake);
-    shards_ = std::make_unique<ShardChooser>(bake.shards, random_());
+    home_ = Home(bake.shards);
+    lines_ = std::make_unique<LineChooser>(bake.shards, home_, random_());
     kept_.assign(at_work_->work().vertices, false);
     opened_ = false;
     layer_ = -1;
   }
 
+  /// Another for each worker, as long as there are lines.
+  uint32_t Home(uint32_t lines) const {
+    constexpr uint64_t kOdd = 0x9e3779b1;
+    return static_cast<uint32_t>(number_ * kOdd % lines);
+  }
+
   void Fetch() {
-    const ShardChooser::Choice where = shards_->Choose();
+    const LineChooser::Choice where = lines_->Choose(clock_.now());
     if (where.waits) return Fetch(where);
     if (clock_.now() < next_look_) return clock_.After(next_look_ - clock_.now(), [this] { Fetch(); });
     queue_.Look([this](const std::vector<QueuedBake>& bakes) {
+      lines_->Update({}, clock_.now());
       for (const QueuedBake& bake : bakes)
-        if (bake.bake == at_work_->key()) shards_->Update(bake.messages);
+        if (bake.bake == at_work_->key()) lines_->Update(bake.messages, clock_.now());
       next_look_ = clock_.now() + kListSeconds;
-      Fetch(shards_->Choose());
+      Fetch(lines_->Choose(clock_.now()));
     });
   }
-  void Fetch(const ShardChooser::Choice& where) {
-    queue_.Fetch(at_work_->key(), where.shard, where.waits ? kProbeSeconds : kFetchSeconds,
+  void Fetch(const LineChooser::Choice& where) {
+    queue_.Fetch(at_work_->key(), where.line, where.waits ? kProbeSeconds : kFetchSeconds,
                  [this, where](std::optional<Queue::Message> message) {
                    if (message) return Compute(*message);
                    if (!where.waits) return Choose();
-                   shards_->FoundEmpty(where.shard);
+                   lines_->FoundEmpty(where.line);
                    Fetch();
                  });
   }
 
   void Compute(const Queue::Message& message) {
-    shards_->Took(message.task);
+    lines_->Took(message.task, at_work_->layer(), clock_.now());
     const bool wanted = at_work_->Wants(message.task);
     const double gather = wanted ? slowness_ * GatherSeconds(at_work_->block(message.task)) : 0;
     const double turn = wanted ? slowness_ * TurnSeconds() : 0;
@@ -357,7 +367,7 @@ class Worker {
     at_work_->result.turn_seconds += turn;
     at_work_->result.message_seconds += fleet_.task_seconds;
     clock_.After(seconds, [this, message, gather, wanted] {
-      if (wanted) at_work_->Finish(message.task, gather);
+      if (wanted) at_work_->Finish(message.task, gather, home_);
       queue_.Done(at_work_->key(), message);
       if (clock_.now() < stay_until_) return Fetch();
       bool others = false;
@@ -377,7 +387,6 @@ class Worker {
       at_work_->Trace(v, slowness_ * trace);
       seconds += trace;
     }
-    shards_->Keep(block, at_work_->work().vertices);
     return seconds;
   }
   double TurnSeconds() {
@@ -409,13 +418,15 @@ class Worker {
   Queue& queue_;
   std::map<Digest, Bake*>& bakes_;
   const SimulatedFleet fleet_;
+  const uint64_t number_;
   std::mt19937 random_;
   double slowness_ = 1, death_ = 1e300, next_look_ = 0, stay_until_ = 0;
   Bake* at_work_ = nullptr;
-  std::unique_ptr<ShardChooser> shards_;
+  std::unique_ptr<LineChooser> lines_;
   std::vector<bool> kept_;
   bool opened_ = false;
   int layer_ = -1;
+  uint32_t home_ = 0;
 };
 
 }  // namespace

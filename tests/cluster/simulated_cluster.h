@@ -50,7 +50,7 @@ struct SimulatedBake {
 };
 
 /// Runs bakes on a fleet in simulated time: partition (coordinator/partition.h), dispatch
-/// (coordinator/round_dispatcher.h) and the workers' choice of tasks (worker/shard_chooser.h) are the real
+/// (coordinator/round_dispatcher.h) and the workers' choice of tasks (worker/line_chooser.h) are the real
 /// ones; the queue, the store, the clock and the work are simulated. Deterministic.
 /// @param until  simulated seconds after which it stops, finished or not
 std::vector<SimulatedBake> SimulateCluster(const std::vector<SimulatedWork>& bakes,

@@ -155,5 +155,46 @@ TEST_F(RunTaskErrorTest, RefusesADamagedOrForeignInput) {
   EXPECT_NE(Run(other).message().find("not the input of this round"), std::string::npos);
 }
 
+/// Changes entries of the last layer's first table, and nothing that tells where they are.
+void DamageEntries(const fs::path& path) {
+  const Result<Archive> input = Archive::Open(path);
+  ASSERT_TRUE(input.ok());
+  const size_t tables = input->layers().back().specular.size() + 1;
+  const SectionInfo table = input->sections()[input->sections().size() - tables];
+  std::vector<std::byte> bytes = BytesOf(path);
+  // Entries are most of a table, and its end.
+  for (uint64_t i = table.stored_bytes / 2; i + 64 < table.stored_bytes; ++i)
+    bytes[table.offset + i] ^= std::byte{1};
+  ASSERT_TRUE(PublishFile(path, bytes).ok());
+}
+
+TEST_F(RunTaskErrorTest, RefusesDamagedRowsOfTheLayerBefore) {
+  for (size_t i = 0; i < round_.blocks.size(); ++i) ASSERT_TRUE(Run(round_, i).ok());
+  BakeOptions options = SmallOptions();
+  options.work_dir = folder_ / "work";
+  options.make_executor = MakeManualExecutor;
+  const auto baked = BakeScene(bake_fixture::Generated("planes"), "scene", folder_ / "o.glint", options);
+  ASSERT_EQ(baked.status().kind(), ErrorKind::kInterrupted);
+  for (const auto& file : fs::directory_iterator(bake_ / "rounds"))
+    if (Result<RoundManifest> round = ReadManifest(file.path()); round->layer == 1) round_ = *round;
+  ASSERT_EQ(round_.layer, 1);
+
+  const fs::path input = InputPath(bake_, round_.InputKey()), rows = InputRowsPath(bake_, round_.InputKey());
+  const std::vector<std::byte> sound = BytesOf(input), sound_rows = BytesOf(rows);
+  DamageEntries(input);
+  Status status;
+  for (size_t i = 0; i < round_.blocks.size() && status.ok(); ++i) status = Run(round_, i);
+  EXPECT_EQ(status.kind(), ErrorKind::kBadInput);
+  EXPECT_NE(status.message().find(input.string()), std::string::npos) << status.message();
+
+  ASSERT_TRUE(PublishFile(input, sound).ok());
+  fs::resize_file(rows, sound_rows.size() - 8);
+  const size_t last = round_.blocks.size() - 1;
+  EXPECT_EQ(Run(round_, last).kind(), ErrorKind::kBadInput);
+  EXPECT_NE(Run(round_, last).message().find(rows.string()), std::string::npos);
+  ASSERT_TRUE(PublishFile(rows, sound_rows).ok());
+  for (size_t i = 0; i < round_.blocks.size(); ++i) EXPECT_TRUE(Run(round_, i).ok());
+}
+
 }  // namespace
 }  // namespace glint

@@ -10,8 +10,10 @@
 #include <vector>
 
 #include "common/archive/lobe_codec.h"
+#include "common/archive/row_sums.h"
 #include "common/archive/transfer.h"
 #include "common/base/frame.h"
+#include "common/base/parallel.h"
 #include "common/base/rng.h"
 #include "common/scene/generate.h"
 #include "tests/worker/gathered_layer.h"
@@ -145,15 +147,54 @@ TEST_F(LayerLightTest, OneByOneIsAsInBatches) {
   }
 }
 
+void ExpectEqual(const std::vector<HitLight>& a, const std::vector<HitLight>& b) {
+  for (size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i].alpha, b[i].alpha);
+    EXPECT_EQ(a[i].moment, b[i].moment);
+  }
+}
+
+TEST_F(LayerLightTest, RowsReadAsTheyAreReachedAnswerAsAllAtOnce) {
+  const std::vector<LightQuery> queries = RandomQueries(500);
+  for (int layer = 0; layer < 2; ++layer) {
+    const LayerViews& views = layers_[layer]->views;
+    const std::vector<uint64_t> sums = RowSums(views, domain_.row_count(), 2);
+    const LayerLight at_once(domain_, grid_, views, layer, 2), reached(domain_, grid_, views, layer, 2, sums);
+    std::vector<HitLight> expected(queries.size()), answers(queries.size());
+    at_once.Look(queries, expected.data());
+    ParallelFor(queries.size(), 4, 1,
+                [&](size_t i, int) { reached.Look(std::span(&queries[i], 1), &answers[i]); });
+    ExpectEqual(answers, expected);
+    EXPECT_TRUE(reached.status().ok());
+  }
+}
+
+TEST_F(LayerLightTest, TellsOfADamagedRowOnceItIsReached) {
+  const LayerViews& views = layers_[1]->views;
+  std::vector<uint64_t> sums = RowSums(views, domain_.row_count(), 1);
+  const uint32_t row = domain_.triangles[5][0];
+  sums[row] ^= 1;
+  const LayerLight light(domain_, grid_, views, 1, 1, sums);
+  const auto look = [&](uint32_t triangle) {
+    HitLight answer;
+    const LightQuery query{triangle, 0.3f, 0.3f, domain_.FaceNormal(triangle)};
+    light.Look(std::span(&query, 1), &answer);
+  };
+  uint32_t elsewhere = 0;
+  while (std::ranges::count(domain_.triangles[elsewhere], row) > 0) ++elsewhere;
+  look(elsewhere);
+  EXPECT_TRUE(light.status().ok());
+  look(5);
+  EXPECT_EQ(light.status().kind(), ErrorKind::kBadInput);
+  EXPECT_NE(light.status().message().find(std::to_string(row)), std::string::npos);
+}
+
 TEST_F(LayerLightTest, ThreadsDoNotShow) {
   const std::vector<LightQuery> queries = RandomQueries(500);
   std::vector<HitLight> one(queries.size()), three(queries.size());
   LayerLight(domain_, grid_, layers_[0]->views, 0, 1).Look(queries, one.data());
   LayerLight(domain_, grid_, layers_[0]->views, 0, 3).Look(queries, three.data());
-  for (size_t i = 0; i < queries.size(); ++i) {
-    EXPECT_EQ(one[i].alpha, three[i].alpha);
-    EXPECT_EQ(one[i].moment, three[i].moment);
-  }
+  ExpectEqual(one, three);
 }
 
 }  // namespace
