@@ -18,7 +18,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -92,6 +91,9 @@ void Print(const std::string& scene, float exponent, const Bake& bake, double se
   std::printf("| %s | %g | %s | %u | %.1f | %.0f | %.1f | %.1f | %.2f | %.4f +- %.4f |", scene.c_str(),
               exponent, bake.name.c_str(), bake.rows, AngularLevel(bake.directions), bake.lobes, bake.seconds,
               search, 1e-6 * bake.bytes, bake.error.all.rms, bake.error.all.uncertainty);
+}
+
+void PrintCauses(const Bake& bake) {
   for (const double cause : bake.error.all.cause) std::printf(" %.3f |", cause);
   std::printf("\n");
   std::fflush(stdout);
@@ -116,19 +118,8 @@ Bake BakeUniform(const Scene& scene, const std::string& grid, const Arguments& a
 BakeSettings FoundSettings(const BakeReport& report) {
   const auto json = nlohmann::ordered_json::parse(report.json);
   BakeSettings found;
-  for (const auto& round : json["target"]["rounds"]) {
-    std::printf(
-        "<!-- round: error %.4f, %.1f s, %.2f MB, spatial %g, level %d, angular %g, rays %g, lobes %d, "
-        "drop %g; %s: %s -->\n",
-        round["error"].get<double>(), round["seconds"].get<double>(), 1e-6 * round["bytes"].get<double>(),
-        round["settings"]["spatial_tolerance"].get<double>(), round["settings"]["grid_level"].get<int>(),
-        round["settings"]["angular_tolerance"].get<double>(),
-        round["settings"]["rays_per_kappa"].get<double>(), round["settings"]["slice_lobes"].get<int>(),
-        round["settings"]["drop"].get<double>(), round["kept"].get<bool>() ? "kept" : "dropped",
-        round["cause"].dump().c_str());
+  for (const auto& round : json["target"]["rounds"])
     if (round["kept"].get<bool>()) found = Need(SettingsFromJson(round["settings"]));
-  }
-  std::printf("<!-- %s -->\n", json["target"]["ended"].get<std::string>().c_str());
   return found;
 }
 
@@ -153,37 +144,43 @@ Bake BakeToTolerance(const Scene& scene, float tolerance, const Arguments& args,
   return bake;
 }
 
-/// y at x on the lower border of points (falling, straight between them in logarithms); beyond their ends,
-/// the end's.
+/// y at x on the lower convex border of points, in logarithms; beyond its ends, the end's.
 double OnFrontier(std::vector<std::pair<double, double>> points, double x) {
+  for (auto& [px, py] : points) px = std::log(px), py = std::log(py);
   std::sort(points.begin(), points.end());
   std::vector<std::pair<double, double>> border;
-  for (const auto& p : points)
-    if (border.empty() || p.second < border.back().second) border.push_back(p);
-  for (size_t i = 0; i < border.size(); ++i) {
-    const auto& [x1, y1] = border[i];
-    if (x1 < x && i + 1 < border.size()) continue;
-    if (i == 0 || x1 < x) return y1;
-    const auto& [x0, y0] = border[i - 1];
-    return y0 * std::pow(y1 / y0, std::log(x / x0) / std::log(x1 / x0));
+  const auto is_above = [&border](const std::pair<double, double>& next) {
+    const auto& [x0, y0] = border[border.size() - 2];
+    const auto& [x1, y1] = border.back();
+    return (y1 - y0) * (next.first - x0) >= (next.second - y0) * (x1 - x0);
+  };
+  for (const auto& p : points) {
+    if (!border.empty() && p.second >= border.back().second) continue;
+    while (border.size() > 1 && is_above(p)) border.pop_back();
+    border.push_back(p);
   }
-  return 0;
+  if (border.empty()) return NAN;
+  x = std::log(x);
+  size_t i = 0;
+  while (i < border.size() && border[i].first < x) ++i;
+  if (i == 0) return std::exp(border.front().second);
+  if (i == border.size()) return std::exp(border.back().second);
+  const auto& [x0, y0] = border[i - 1], &[ x1, y1 ] = border[i];
+  return std::exp(y0 + (y1 - y0) * (x - x0) / (x1 - x0));
 }
 
-/// What uniform bakes would take for the same error, and come to with the same bytes.
-void Compare(const std::vector<Bake>& uniform, const Bake& bake) {
+/// Columns: what uniform bakes would take for the same error, and come to with the same bytes.
+void PrintRivals(const std::vector<Bake>& uniform, const Bake& bake) {
   std::vector<std::pair<double, double>> bytes, seconds, errors;
   for (const Bake& u : uniform) {
     bytes.emplace_back(u.error.all.rms, u.bytes);
     seconds.emplace_back(u.error.all.rms, u.seconds);
     errors.emplace_back(u.bytes, u.error.all.rms);
   }
-  const double error = bake.error.all.rms;
-  const double equal_bytes = OnFrontier(bytes, error), equal_seconds = OnFrontier(seconds, error);
-  std::printf("<!-- equal error: %.2f MB (%.1f x), %.1f s (%.1f x); equal bytes: error %.4f (%.2f x) -->\n",
-              1e-6 * equal_bytes, equal_bytes / bake.bytes, equal_seconds, equal_seconds / bake.seconds,
-              OnFrontier(errors, bake.bytes), OnFrontier(errors, bake.bytes) / error);
-  std::fflush(stdout);
+  const double error = bake.error.all.rms, equal_bytes = OnFrontier(bytes, error),
+               equal_seconds = OnFrontier(seconds, error);
+  std::printf(" %.2f (%.1f x) | %.1f (%.1f x) | %.4f |", 1e-6 * equal_bytes, equal_bytes / bake.bytes,
+              equal_seconds, equal_seconds / bake.seconds, OnFrontier(errors, bake.bytes));
 }
 
 Scene MakeScene(const std::string& word, float exponent, const Arguments& args) {
@@ -198,6 +195,15 @@ Scene MakeScene(const std::string& word, float exponent, const Arguments& args) 
   return scene;
 }
 
+/// A tolerance above 1 names a uniform bake, whose error it is.
+float Wanted(float tolerance, const std::vector<Bake>& uniform) {
+  if (tolerance <= 1) return tolerance;
+  for (const Bake& u : uniform)
+    if (u.name == std::to_string(static_cast<int>(tolerance))) return static_cast<float>(u.error.all.rms);
+  std::fprintf(stderr, "--tolerances %g: is not among the uniform bakes\n", tolerance);
+  std::exit(2);
+}
+
 void RunScene(const std::string& word, float exponent, const Arguments& args) {
   const Scene scene = MakeScene(word, exponent, args);
   const std::string name = fs::path(word).stem().string();
@@ -205,16 +211,15 @@ void RunScene(const std::string& word, float exponent, const Arguments& args) {
   for (const std::string& grid : args.uniform) {
     uniform.push_back(BakeUniform(scene, grid, args));
     Print(name, exponent, uniform.back(), uniform.back().seconds);
+    std::printf(" | | |");
+    PrintCauses(uniform.back());
   }
   for (const float tolerance : args.tolerances) {
-    float wanted = tolerance;
-    for (const Bake& u : uniform)
-      if (tolerance > 1 && u.name == std::to_string(static_cast<int>(tolerance)))
-        wanted = static_cast<float>(u.error.all.rms);
     double search = 0;
-    const Bake bake = BakeToTolerance(scene, wanted, args, &search);
+    const Bake bake = BakeToTolerance(scene, Wanted(tolerance, uniform), args, &search);
     Print(name, exponent, bake, search);
-    if (!uniform.empty()) Compare(uniform, bake);
+    PrintRivals(uniform, bake);
+    PrintCauses(bake);
   }
 }
 
@@ -265,9 +270,12 @@ Arguments Parse(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   const glint::Arguments args = glint::Parse(argc, argv);
-  std::printf("| scene | exponent | bake | vertices | level | lobes | CPU s | search, CPU s | MB | error |");
+  std::printf(
+      "| scene | exponent | bake | vertices | level | lobes | CPU s | search, CPU s | MB | error | uniform "
+      "of equal "
+      "error: MB | CPU s | of equal bytes: error |");
   for (const char* cause : glint::kErrorCauseNames) std::printf(" %s |", cause);
-  std::printf("\n|---|---|---|---|---|---|---|---|---|---|");
+  std::printf("\n|---|---|---|---|---|---|---|---|---|---|---|---|---|");
   for (int c = 0; c < glint::kErrorCauses; ++c) std::printf("---|");
   std::printf("\n");
   for (const std::string& scene : args.scenes)
