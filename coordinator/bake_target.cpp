@@ -485,7 +485,9 @@ class TargetBake {
 
 BakeSettings FirstSettings(const BakeSettings& settings, const BakeTarget& target) {
   const auto is_free = [&](BakeAxis axis) { return !target.fixed[static_cast<size_t>(axis)]; };
-  const float tolerance = target.tolerance > 0 ? target.tolerance : 1;
+  // Within a budget a coarse bake comes first, so that there is one at all.
+  const bool budget = target.max_seconds > 0 || target.max_bytes > 0;
+  const float tolerance = target.tolerance > 0 && !budget ? target.tolerance : 1;
   BakeSettings first = settings;
   if (is_free(BakeAxis::kVertices)) first.spatial_tolerance = std::clamp(tolerance, 0.05f, 0.2f);
   if (is_free(BakeAxis::kDirections)) {

@@ -34,7 +34,8 @@ struct TargetStep {
 };
 
 /// Settings of the first round: every axis that is free as coarse as what it then causes is worth the round,
-/// measured on teapots and goblets of 3,000 to 25,000 vertices; coarsest without a tolerance.
+/// measured on teapots and goblets of 3,000 to 25,000 vertices; coarsest without a tolerance
+/// or with a budget.
 BakeSettings FirstSettings(const BakeSettings& settings, const BakeTarget& target);
 
 /// Chooses the next round by the causes of the last kept one's error: of the axes whose cause stands out

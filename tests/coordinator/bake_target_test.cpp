@@ -148,6 +148,8 @@ TEST(FirstSettingsTest, WhatIsFixedStays) {
   EXPECT_LT(FirstSettings(settings, {.tolerance = 0.02f}).spatial_tolerance,
             FirstSettings(settings, target).spatial_tolerance);
   EXPECT_GT(FirstSettings(settings, {.tolerance = 0.02f}).max_rays, FirstSettings(settings, target).max_rays);
+  EXPECT_EQ(FirstSettings(settings, {.tolerance = 0.02f, .max_seconds = 60}).spatial_tolerance,
+            FirstSettings(settings, {.tolerance = 1}).spatial_tolerance);
   target.fixed.fill(true);
   EXPECT_EQ(SettingsToJson(FirstSettings(settings, target)), SettingsToJson(settings));
 }
