@@ -165,7 +165,8 @@ double OnFrontier(std::vector<std::pair<double, double>> points, double x) {
   while (i < border.size() && border[i].first < x) ++i;
   if (i == 0) return std::exp(border.front().second);
   if (i == border.size()) return std::exp(border.back().second);
-  const auto& [x0, y0] = border[i - 1], &[ x1, y1 ] = border[i];
+  const auto& [x0, y0] = border[i - 1];
+  const auto& [x1, y1] = border[i];
   return std::exp(y0 + (y1 - y0) * (x - x0) / (x1 - x0));
 }
 
