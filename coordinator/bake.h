@@ -23,9 +23,10 @@ namespace glint {
 inline constexpr int kMaxIndirectLayers = 255;
 
 /// Parts of a bake that can be made finer one by one.
-enum class BakeAxis : uint8_t { kDirections, kRays, kLobes, kBits };
-inline constexpr int kBakeAxes = 4;
-inline constexpr std::array<const char*, kBakeAxes> kBakeAxisNames = {"directions", "rays", "lobes", "bits"};
+enum class BakeAxis : uint8_t { kVertices, kDirections, kRays, kLobes, kBits };
+inline constexpr int kBakeAxes = 5;
+inline constexpr std::array<const char*, kBakeAxes> kBakeAxisNames = {"vertices", "directions", "rays",
+                                                                      "lobes", "bits"};
 
 inline constexpr double kMaxTargetSeconds = 1e9;
 

@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "common/archive/archive.h"
+#include "common/archive/format.h"
 #include "common/base/files.h"
 #include "common/base/log.h"
 #include "common/domain/direction_grid.h"
@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
-using AxisSet = std::array<bool, kBakeAxes>;
+using AxisSteps = std::array<int, kBakeAxes>;  ///< how often each axis is refined
 
 double Now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -37,6 +37,7 @@ struct AxisModel {
   double seconds, bytes;  ///< factors
 };
 constexpr std::array<AxisModel, kBakeAxes> kModels = {{
+    {ErrorCause::kSpatial, 0.75, 2.0, 2.0},
     {ErrorCause::kAngular, 0.5, 1.6, 2.2},
     {ErrorCause::kRays, 0.7, 2.0, 1.05},
     {ErrorCause::kLobes, 0.7, 1.5, 1.6},
@@ -48,18 +49,25 @@ const AxisModel& Model(int axis) { return kModels[static_cast<size_t>(axis)]; }
 /// by their squares, so that what is below changes the whole by an eighth at most.
 constexpr double kNotable = 0.5;
 constexpr double kNotableOfTolerance = 0.25;
+/// What an axis may leave of its cause in any case, as a part of the tolerance: four equal ones make it up.
+constexpr double kShareOfTolerance = 0.5;
+constexpr int kMostSteps = 3;
 /// Axes of at least this part of the best one's worth are refined in the same round, to save rounds.
 constexpr double kLikeWorth = 0.5;
 constexpr float kFinestDrop = 1.0f / 65536;
 constexpr int kMostRays = 1 << 17;
 constexpr int kCoarsestLevel = 2;
-constexpr float kCoarsestAngularTolerance = 0.2f;
+constexpr float kFinestSpatialTolerance = 0.02f;
 
 /// One step finer; false: there is none.
 bool Refine(int axis, BakeSettings* s) {
   const bool shared = s->method == GatherMethod::kShared;
   int& most_rays = shared ? s->max_rays : s->paper_rays;
   switch (static_cast<BakeAxis>(axis)) {
+    case BakeAxis::kVertices:
+      if (s->spatial_tolerance <= kFinestSpatialTolerance) return false;
+      s->spatial_tolerance /= 1.5f;
+      return true;
     case BakeAxis::kDirections:
       if (s->grid_level >= DirectionGrid::kMaxLevel) return false;
       ++s->grid_level;
@@ -83,9 +91,9 @@ bool Refine(int axis, BakeSettings* s) {
   return false;
 }
 
-BakeSettings Refined(BakeSettings settings, const AxisSet& axes) {
+BakeSettings Refined(BakeSettings settings, const AxisSteps& steps) {
   for (int a = 0; a < kBakeAxes; ++a)
-    if (axes[a]) Refine(a, &settings);
+    for (int i = 0; i < steps[a]; ++i) Refine(a, &settings);
   return settings;
 }
 
@@ -103,16 +111,54 @@ double LargestCause(const TargetRound& round) {
   return largest;
 }
 
-/// Axes that can be refined and whose causes stand out.
-AxisSet NotableAxes(const TargetRound& best, const BakeTarget& target) {
-  const double least =
-      std::max(kNotable * LargestCause(best), kNotableOfTolerance * static_cast<double>(target.tolerance));
-  AxisSet axes{};
+/// What no axis can mend: causes of axes that are fixed or at their end, and of lobes of direct light.
+double Floor(const TargetRound& round, const BakeTarget& target) {
+  const double lobes = round.cause[static_cast<size_t>(ErrorCause::kLobes)];
+  double squares = std::max(0.0, lobes * lobes - round.indirect_lobes * round.indirect_lobes);
   for (int a = 0; a < kBakeAxes; ++a) {
-    BakeSettings scratch = best.settings;
-    axes[a] = !target.fixed[a] && Cause(best, a) > least && Refine(a, &scratch);
+    BakeSettings scratch = round.settings;
+    if (target.fixed[a] || !Refine(a, &scratch)) squares += Cause(round, a) * Cause(round, a);
   }
-  return axes;
+  return std::sqrt(squares);
+}
+
+/// Part of their causes that axes may leave if together they are to take out what the error is above the
+/// tolerance; 0 if even without them it is above.
+double PartToLeave(const TargetRound& best, const AxisSteps& steps, double tolerance) {
+  double squares = 0;
+  for (int a = 0; a < kBakeAxes; ++a)
+    if (steps[a] > 0) squares += Cause(best, a) * Cause(best, a);
+  const double excess = best.error * best.error - tolerance * tolerance;
+  return squares > excess ? std::sqrt(1 - excess / squares) : 0;
+}
+
+/// Steps that are expected to bring the axis' cause nearest to this: one at least, as far as there are any.
+int StepsTo(const TargetRound& best, int axis, double aim) {
+  BakeSettings settings = best.settings;
+  double left = Cause(best, axis);
+  int steps = 0;
+  while ((steps == 0 || left * std::sqrt(Model(axis).gain) > aim) && steps < kMostSteps &&
+         Refine(axis, &settings)) {
+    left *= Model(axis).gain;
+    ++steps;
+  }
+  return steps;
+}
+
+/// Steps along the axes that can be refined and whose causes stand out: as many at once as the tolerance is
+/// away, but none for what would be little beside the floor.
+AxisSteps NotableSteps(const TargetRound& best, const BakeTarget& target) {
+  const double tolerance = static_cast<double>(target.tolerance);
+  const double least = std::max(kNotable * LargestCause(best), kNotableOfTolerance * tolerance);
+  AxisSteps steps{};
+  for (int a = 0; a < kBakeAxes; ++a)
+    if (!target.fixed[a] && Cause(best, a) > least) steps[a] = StepsTo(best, a, INFINITY);
+  if (tolerance <= 0) return steps;
+  const double part = PartToLeave(best, steps, tolerance);
+  const double enough = std::max(kShareOfTolerance * tolerance, kNotable * Floor(best, target));
+  for (int a = 0; a < kBakeAxes; ++a)
+    if (steps[a] > 0) steps[a] = StepsTo(best, a, std::max(part * Cause(best, a), enough));
+  return steps;
 }
 
 /// Square of the error that a step takes out, for what it adds in time and bytes.
@@ -122,21 +168,25 @@ double Worth(const TargetRound& best, int axis) {
   return cause * cause * (1 - model.gain * model.gain) / (model.seconds * model.bytes - 1);
 }
 
-/// Candidates for the next round, the one wanted most first: axes of about the same worth, then without the
-/// one of least, and so on; then each notable axis alone.
-std::vector<AxisSet> Candidates(const TargetRound& best, AxisSet axes) {
+/// Candidates for the next round, the one wanted most first: axes of about the same worth, by all steps
+/// wanted, then by one; then without the axis of least worth, and so on; then each notable axis alone.
+std::vector<AxisSteps> Candidates(const TargetRound& best, AxisSteps steps) {
   std::vector<int> order;
   for (int a = 0; a < kBakeAxes; ++a)
-    if (axes[a]) order.push_back(a);
+    if (steps[a] > 0) order.push_back(a);
   std::sort(order.begin(), order.end(), [&](int a, int b) { return Worth(best, a) > Worth(best, b); });
-  std::vector<AxisSet> candidates;
+  std::vector<AxisSteps> candidates;
   for (size_t n = order.size(); n > 0; --n) {
-    if (Worth(best, order[n - 1]) >= kLikeWorth * Worth(best, order[0])) candidates.push_back(axes);
-    axes[order[n - 1]] = false;
+    if (Worth(best, order[n - 1]) >= kLikeWorth * Worth(best, order[0])) {
+      candidates.push_back(steps);
+      candidates.emplace_back();
+      for (size_t i = 0; i < n; ++i) candidates.back()[order[i]] = 1;
+    }
+    steps[order[n - 1]] = 0;
   }
   for (size_t i = 1; i < order.size(); ++i) {
     candidates.emplace_back();
-    candidates.back()[order[i]] = true;
+    candidates.back()[order[i]] = 1;
   }
   return candidates;
 }
@@ -233,11 +283,15 @@ bool HasKey(const fs::path& report, const std::string& archive_key) {
   return json.is_object() && json.value("archive_key", Json()) == archive_key;
 }
 
+/// By header and footer alone: a large archive is not read for its name.
 bool IsArchive(const fs::path& path, const std::string& archive_key) {
   std::error_code error;
   if (!fs::is_regular_file(path, error)) return false;
-  const Result<Archive> archive = Archive::Open(path);
-  return archive.ok() && archive->archive_key().Hex() == archive_key;
+  const Result<MappedFile> file = MappedFile::Open(path);
+  if (!file.ok()) return false;
+  const Result<archive_format::Header> header = archive_format::DecodeHeader(file->bytes());
+  return header.ok() && header->archive_key.Hex() == archive_key &&
+         archive_format::DecodeFooter(file->bytes()).ok();
 }
 
 /// Moves a round's archive and report to where they belong, or what of it a kill has left to do. False: they
@@ -313,7 +367,7 @@ class TargetBake {
   double SecondsLeft() const { return options_.target.max_seconds - SecondsUsed(); }
 
   TargetStep Next() {
-    if (rounds_.empty()) return {CoarsestSettings(options_.settings, options_.target), false, ""};
+    if (rounds_.empty()) return {FirstSettings(options_.settings, options_.target), false, ""};
     return NextStep(rounds_, options_.target, SecondsLeft());
   }
 
@@ -429,25 +483,33 @@ class TargetBake {
 
 }  // namespace
 
-BakeSettings CoarsestSettings(const BakeSettings& settings, const BakeTarget& target) {
+BakeSettings FirstSettings(const BakeSettings& settings, const BakeTarget& target) {
   const auto is_free = [&](BakeAxis axis) { return !target.fixed[static_cast<size_t>(axis)]; };
-  BakeSettings coarsest = settings;
+  // Within a budget a coarse bake comes first, so that there is one at all.
+  const bool budget = target.max_seconds > 0 || target.max_bytes > 0;
+  const float tolerance = target.tolerance > 0 && !budget ? target.tolerance : 1;
+  BakeSettings first = settings;
+  if (is_free(BakeAxis::kVertices)) first.spatial_tolerance = std::clamp(tolerance, 0.05f, 0.2f);
   if (is_free(BakeAxis::kDirections)) {
-    coarsest.grid_level = std::min(settings.grid_level, kCoarsestLevel);
-    coarsest.angular_tolerance = kCoarsestAngularTolerance;
+    first.grid_level = std::min(settings.grid_level, kCoarsestLevel);
+    first.angular_tolerance = std::clamp(2 * tolerance, 0.05f, 0.2f);
   }
   if (is_free(BakeAxis::kRays)) {
-    coarsest.rays_per_kappa /= 4;
-    coarsest.min_rays = std::max(settings.min_rays / 4, 1);
-    coarsest.max_rays = std::max(settings.max_rays / 4, coarsest.min_rays);
-    coarsest.paper_rays = std::max(settings.paper_rays / 4, 1);
+    const float part = std::clamp(0.02f / tolerance, 0.25f, 1.0f);
+    const auto rays = [part](int all) {
+      return std::max(static_cast<int>(std::lround(part * static_cast<float>(all))), 1);
+    };
+    first.rays_per_kappa *= part;
+    first.min_rays = rays(settings.min_rays);
+    first.max_rays = std::max(rays(settings.max_rays), first.min_rays);
+    first.paper_rays = rays(settings.paper_rays);
   }
-  if (is_free(BakeAxis::kLobes)) coarsest.slice_lobes = 1;
+  if (is_free(BakeAxis::kLobes)) first.slice_lobes = 1;
   if (is_free(BakeAxis::kBits)) {
-    coarsest.drop = std::max(settings.drop, target.tolerance / 32);
-    coarsest.bits_tolerance = std::max(settings.bits_tolerance, target.tolerance / 8);
+    first.drop = std::max(settings.drop, target.tolerance / 8);
+    first.bits_tolerance = std::max(settings.bits_tolerance, target.tolerance / 3);
   }
-  return coarsest;
+  return first;
 }
 
 std::vector<fs::path> ResultFiles(const fs::path& out_path) {
@@ -461,15 +523,15 @@ TargetStep NextStep(std::span<const TargetRound> rounds, const BakeTarget& targe
   if (target.tolerance > 0 && best->error <= static_cast<double>(target.tolerance))
     return {{}, true, "the tolerance is reached"};
   bool budget = false, tried = false;
-  for (const AxisSet& axes : Candidates(*best, NotableAxes(*best, target))) {
-    const BakeSettings next = Refined(best->settings, axes);
+  for (const AxisSteps& steps : Candidates(*best, NotableSteps(*best, target))) {
+    const BakeSettings next = Refined(best->settings, steps);
     if (Tried(rounds, next)) {
       tried = true;
       continue;
     }
     double seconds = best->seconds, bytes = static_cast<double>(best->bytes);
     for (int a = 0; a < kBakeAxes; ++a)
-      if (axes[a]) seconds *= Model(a).seconds, bytes *= Model(a).bytes;
+      seconds *= std::pow(Model(a).seconds, steps[a]), bytes *= std::pow(Model(a).bytes, steps[a]);
     const bool fits = (target.max_seconds <= 0 || seconds <= seconds_left) &&
                       (target.max_bytes == 0 || bytes <= static_cast<double>(target.max_bytes));
     if (fits) return {next, false, ""};

@@ -118,15 +118,19 @@ void AddAccuracyWords(CLI::App& app, BakeOptions& options) {
       "Vertices are baked, and edges halved, where predicting them is further off than this; 0: every vertex "
       "of the mesh is baked, and no other")
       ->check(NumberRange(0, 1))
+      ->each(fixes(BakeAxis::kVertices))
       ->type_name("X");
   add("--smallest-edge", settings.smallest_edge,
       "No shorter edge comes from halving; part of the scene's diagonal")
       ->check(NumberRange(0, 1))
+      ->each(fixes(BakeAxis::kVertices))
       ->type_name("X");
   add("--max-vertices", settings.max_vertices, "Bake at most so many vertices, worst first; 0: any number")
+      ->each(fixes(BakeAxis::kVertices))
       ->type_name("N");
   add("--subdivide", settings.subdivide, "Split every face in four, N times, for comparison")
       ->check(CLI::Range(0, 8))
+      ->each(fixes(BakeAxis::kVertices))
       ->type_name("N");
   app.add_option("--estimate", options.estimate_slices,
                  "Slices to test after the bake, which estimates its error; 0: none (default: one for 10 "

@@ -113,9 +113,14 @@ class Coarsening {
     std::vector<uint32_t> taken;
     for (const Collapse& c : candidates) {
       const Vertex v = handle_[c.vertex];
-      // A neighbour's going may have changed what is around.
       if (stays[v.idx()]) continue;
-      const auto now = BestCollapse(v);
+      // What a neighbour lost since may forbid what was best.
+      std::optional<Collapse> now = c;
+      for (const Vertex n : mesh_.vv_range(v)) {
+        if (!stays[n.idx()]) continue;
+        now = BestCollapse(v);
+        break;
+      }
       if (!now) continue;
       for (const Vertex n : mesh_.vv_range(v)) stays[n.idx()] = 1;
       Take(v, now->halfedge);
@@ -126,10 +131,14 @@ class Coarsening {
 
   std::optional<Collapse> BestCollapse(Vertex v) {
     if (mesh_.status(v).deleted() || locked_[v.idx()] || mesh_.is_isolated(v)) return std::nullopt;
+    const std::optional<double> turn = Turn(v);
+    if (!turn) return std::nullopt;
     std::optional<Collapse> best;
     for (const Halfedge h : mesh_.voh_range(v)) {
-      const std::optional<double> cost = Cost(v, h);
-      if (cost && (!best || *cost < best->cost)) best = Collapse{*cost, vertex_[v.idx()], h};
+      const std::optional<double> shape = WorstShape(v, h);
+      if (!shape) continue;
+      const double cost = *turn + 0.05 * (1 - *shape);
+      if ((!best || cost < best->cost) && MayCollapse(v, h)) best = Collapse{cost, vertex_[v.idx()], h};
     }
     return best;
   }
@@ -137,18 +146,30 @@ class Coarsening {
   const glm::vec3& Normal(Vertex v) const { return domain_.normals[vertex_[v.idx()]]; }
   glm::dvec3 Position(Vertex v) const { return ToGlm(mesh_.point(v)); }
 
-  /// What is lost by moving v to the end of h; none if a rule forbids it.
-  std::optional<double> Cost(Vertex v, Halfedge h) {
+  /// Whether the mesh stays one. Asks for more of it than shapes do, so that they come first.
+  bool MayCollapse(Vertex v, Halfedge h) {
     const Vertex to = mesh_.to_vertex_handle(h);
-    if (!mesh_.is_collapse_ok(h) || !KeepsBorder(v, h)) return std::nullopt;
-    if (mesh_.valence(v) + mesh_.valence(to) > kMostNeighbours + 4) return std::nullopt;
+    return KeepsBorder(v, h) && mesh_.valence(v) + mesh_.valence(to) <= kMostNeighbours + 4 &&
+           mesh_.is_collapse_ok(h);
+  }
+
+  /// Mean of 1 - cosine between a vertex's normal and its neighbours'; none if one is too far away.
+  std::optional<double> Turn(Vertex v) const {
     double turn = 0;
+    unsigned neighbours = 0;
     for (const Vertex n : mesh_.vv_range(v)) {
       const float cosine = glm::dot(Normal(v), Normal(n));
       if (cosine < kMaxNormalTurn) return std::nullopt;
       turn += 1 - cosine;
+      ++neighbours;
     }
-    double worst_shape = 1;
+    return turn / neighbours;
+  }
+
+  /// Shape of the worst face around v once it is at the end of h; none if one turns too far, or is too thin.
+  std::optional<double> WorstShape(Vertex v, Halfedge h) const {
+    const Vertex to = mesh_.to_vertex_handle(h);
+    double worst = 1;
     for (const auto face : mesh_.vf_range(v)) {
       if (face == mesh_.face_handle(h) || face == mesh_.face_handle(mesh_.opposite_halfedge_handle(h)))
         continue;
@@ -160,10 +181,10 @@ class Coarsening {
       }
       const glm::dvec3 n0 = Cross(before[0], before[1], before[2]), n1 = Cross(after[0], after[1], after[2]);
       if (glm::dot(n0, n1) <= kMaxFaceTurn * glm::length(n0) * glm::length(n1)) return std::nullopt;
-      worst_shape = std::min(worst_shape, Shape(after[0], after[1], after[2]));
+      worst = std::min(worst, Shape(after[0], after[1], after[2]));
+      if (worst < kLeastShape) return std::nullopt;
     }
-    if (worst_shape < kLeastShape) return std::nullopt;
-    return turn / mesh_.valence(v) + 0.05 * (1 - worst_shape);
+    return worst;
   }
 
   /// Vertices of a border go along it only, where it is straight.
