@@ -37,7 +37,7 @@ struct AxisModel {
   double seconds, bytes;  ///< factors
 };
 constexpr std::array<AxisModel, kBakeAxes> kModels = {{
-    {ErrorCause::kSpatial, 0.75, 2.0, 2.0},
+    {ErrorCause::kSpatial, 0.75, 2.6, 2.6},
     {ErrorCause::kAngular, 0.5, 1.6, 2.2},
     {ErrorCause::kRays, 0.7, 2.0, 1.05},
     {ErrorCause::kLobes, 0.7, 1.5, 1.6},
@@ -57,16 +57,28 @@ constexpr double kLikeWorth = 0.5;
 constexpr float kFinestDrop = 1.0f / 65536;
 constexpr int kMostRays = 1 << 17;
 constexpr int kCoarsestLevel = 2;
-constexpr float kFinestSpatialTolerance = 0.02f;
+constexpr float kFinestSpatialTolerance = 0.02f, kSpatialStep = 1.5f;
+/// From this part of the mesh's vertices on, choosing among them is not worth what is lost by it.
+constexpr double kAboutTheMesh = 0.7;
+/// Below this tolerance a teapot's and goblets' vertices were worth all being baked.
+constexpr float kWorthTheMesh = 0.05f;
 
-/// One step finer; false: there is none.
-bool Refine(int axis, BakeSettings* s) {
+double Cause(const TargetRound& round, int axis) {
+  if (static_cast<BakeAxis>(axis) == BakeAxis::kLobes)
+    return round.indirect_lobes;  // direct light keeps to one
+  return round.cause[static_cast<size_t>(Model(axis).cause)];
+}
+
+/// One step finer than the settings, which are a round's or finer; false: there is none.
+bool Refine(const TargetRound& round, int axis, BakeSettings* s) {
   const bool shared = s->method == GatherMethod::kShared;
   int& most_rays = shared ? s->max_rays : s->paper_rays;
   switch (static_cast<BakeAxis>(axis)) {
     case BakeAxis::kVertices:
+      // Where the mesh's own vertices were baked, the tolerance that would have had this error: about that.
+      if (s->spatial_tolerance == 0) s->spatial_tolerance = static_cast<float>(Cause(round, axis));
       if (s->spatial_tolerance <= kFinestSpatialTolerance) return false;
-      s->spatial_tolerance /= 1.5f;
+      s->spatial_tolerance /= kSpatialStep;
       return true;
     case BakeAxis::kDirections:
       if (s->grid_level >= DirectionGrid::kMaxLevel) return false;
@@ -91,16 +103,37 @@ bool Refine(int axis, BakeSettings* s) {
   return false;
 }
 
-BakeSettings Refined(BakeSettings settings, const AxisSteps& steps) {
+/// Factor that the steps along an axis are expected to take of a cost.
+double Growth(double of_a_step, int steps) { return std::pow(of_a_step, steps); }
+
+/// Whether steps along the vertices come to about as many as the mesh has: then all of those and no others
+/// are the better choice.
+bool ComesToTheMesh(const TargetRound& round, int steps) {
+  const double vertices = Growth(Model(static_cast<int>(BakeAxis::kVertices)).bytes, steps);
+  return steps > 0 && round.mesh_vertices > 1 && vertices > kAboutTheMesh * round.mesh_vertices;
+}
+
+BakeSettings Refined(const TargetRound& round, const AxisSteps& steps) {
+  BakeSettings settings = round.settings;
   for (int a = 0; a < kBakeAxes; ++a)
-    for (int i = 0; i < steps[a]; ++i) Refine(a, &settings);
+    for (int i = 0; i < steps[a]; ++i) Refine(round, a, &settings);
+  if (ComesToTheMesh(round, steps[static_cast<size_t>(BakeAxis::kVertices)])) settings.spatial_tolerance = 0;
   return settings;
 }
 
-double Cause(const TargetRound& round, int axis) {
-  if (static_cast<BakeAxis>(axis) == BakeAxis::kLobes)
-    return round.indirect_lobes;  // direct light keeps to one
-  return round.cause[static_cast<size_t>(Model(axis).cause)];
+struct RoundCost {
+  double seconds, bytes;
+};
+
+/// What a round by those steps is expected to cost.
+RoundCost Expected(const TargetRound& round, const AxisSteps& steps) {
+  RoundCost cost = {round.seconds, static_cast<double>(round.bytes)};
+  for (int a = 0; a < kBakeAxes; ++a) {
+    const bool to_mesh = a == static_cast<int>(BakeAxis::kVertices) && ComesToTheMesh(round, steps[a]);
+    cost.seconds *= to_mesh ? round.mesh_vertices : Growth(Model(a).seconds, steps[a]);
+    cost.bytes *= to_mesh ? round.mesh_vertices : Growth(Model(a).bytes, steps[a]);
+  }
+  return cost;
 }
 
 /// Largest part of the error that is a layer's own.
@@ -117,7 +150,7 @@ double Floor(const TargetRound& round, const BakeTarget& target) {
   double squares = std::max(0.0, lobes * lobes - round.indirect_lobes * round.indirect_lobes);
   for (int a = 0; a < kBakeAxes; ++a) {
     BakeSettings scratch = round.settings;
-    if (target.fixed[a] || !Refine(a, &scratch)) squares += Cause(round, a) * Cause(round, a);
+    if (target.fixed[a] || !Refine(round, a, &scratch)) squares += Cause(round, a) * Cause(round, a);
   }
   return std::sqrt(squares);
 }
@@ -138,7 +171,7 @@ int StepsTo(const TargetRound& best, int axis, double aim) {
   double left = Cause(best, axis);
   int steps = 0;
   while ((steps == 0 || left * std::sqrt(Model(axis).gain) > aim) && steps < kMostSteps &&
-         Refine(axis, &settings)) {
+         Refine(best, axis, &settings)) {
     left *= Model(axis).gain;
     ++steps;
   }
@@ -168,14 +201,25 @@ double Worth(const TargetRound& best, int axis) {
   return cause * cause * (1 - model.gain * model.gain) / (model.seconds * model.bytes - 1);
 }
 
+/// To a tolerance that is worth all of the mesh's vertices, those come before all else: what fewer of them
+/// would have taken is lost. Empty: not wanted, or there.
+std::vector<AxisSteps> MeshFirst(const TargetRound& best, const AxisSteps& wanted, float tolerance) {
+  constexpr auto kVertices = static_cast<size_t>(BakeAxis::kVertices);
+  if (wanted[kVertices] == 0 || tolerance <= 0 || tolerance >= kWorthTheMesh || best.mesh_vertices <= 1)
+    return {};
+  AxisSteps steps{};
+  while (!ComesToTheMesh(best, steps[kVertices])) ++steps[kVertices];
+  return {steps};
+}
+
 /// Candidates for the next round, the one wanted most first: axes of about the same worth, by all steps
 /// wanted, then by one; then without the axis of least worth, and so on; then each notable axis alone.
-std::vector<AxisSteps> Candidates(const TargetRound& best, AxisSteps steps) {
+std::vector<AxisSteps> Candidates(const TargetRound& best, AxisSteps steps, float tolerance) {
   std::vector<int> order;
   for (int a = 0; a < kBakeAxes; ++a)
     if (steps[a] > 0) order.push_back(a);
   std::sort(order.begin(), order.end(), [&](int a, int b) { return Worth(best, a) > Worth(best, b); });
-  std::vector<AxisSteps> candidates;
+  std::vector<AxisSteps> candidates = MeshFirst(best, steps, tolerance);
   for (size_t n = order.size(); n > 0; --n) {
     if (Worth(best, order[n - 1]) >= kLikeWorth * Worth(best, order[0])) {
       candidates.push_back(steps);
@@ -241,9 +285,15 @@ fs::path ReportPath(const fs::path& archive) { return archive.string() + ".json"
 constexpr uint64_t kMaxReportBytes = uint64_t{1} << 26;
 
 Json ToJson(const TargetRound& round) {
-  return {{"settings", SettingsToJson(round.settings)}, {"error", round.error},     {"cause", round.cause},
-          {"indirect_lobes", round.indirect_lobes},     {"seconds", round.seconds}, {"bytes", round.bytes},
-          {"archive_key", round.archive_key},           {"kept", round.kept}};
+  return {{"settings", SettingsToJson(round.settings)},
+          {"error", round.error},
+          {"cause", round.cause},
+          {"indirect_lobes", round.indirect_lobes},
+          {"seconds", round.seconds},
+          {"bytes", round.bytes},
+          {"mesh_vertices", round.mesh_vertices},
+          {"archive_key", round.archive_key},
+          {"kept", round.kept}};
 }
 
 std::optional<TargetRound> RoundFromJson(const Json& json) {
@@ -257,6 +307,7 @@ std::optional<TargetRound> RoundFromJson(const Json& json) {
     json.at("indirect_lobes").get_to(round.indirect_lobes);
     json.at("seconds").get_to(round.seconds);
     json.at("bytes").get_to(round.bytes);
+    json.at("mesh_vertices").get_to(round.mesh_vertices);
     json.at("archive_key").get_to(round.archive_key);
     json.at("kept").get_to(round.kept);
   } catch (const Json::exception&) {
@@ -410,6 +461,8 @@ class TargetBake {
     round.indirect_lobes = IndirectLobes(*report.error);
     round.seconds = seconds;
     round.bytes = report.archive_bytes;
+    round.mesh_vertices = static_cast<double>(report.vertices) /
+                          static_cast<double>(std::max<uint64_t>(report.baked_vertices, 1));
     round.archive_key = report.archive_key.Hex();
     const TargetRound* best = BestOf(rounds_);
     const uint64_t most = options_.target.max_bytes;
@@ -489,7 +542,8 @@ BakeSettings FirstSettings(const BakeSettings& settings, const BakeTarget& targe
   const bool budget = target.max_seconds > 0 || target.max_bytes > 0;
   const float tolerance = target.tolerance > 0 && !budget ? target.tolerance : 1;
   BakeSettings first = settings;
-  if (is_free(BakeAxis::kVertices)) first.spatial_tolerance = std::clamp(tolerance, 0.05f, 0.2f);
+  if (is_free(BakeAxis::kVertices))
+    first.spatial_tolerance = tolerance < kWorthTheMesh ? 0 : std::min(tolerance, 0.2f);
   if (is_free(BakeAxis::kDirections)) {
     first.grid_level = std::min(settings.grid_level, kCoarsestLevel);
     first.angular_tolerance = std::clamp(2 * tolerance, 0.05f, 0.2f);
@@ -523,17 +577,15 @@ TargetStep NextStep(std::span<const TargetRound> rounds, const BakeTarget& targe
   if (target.tolerance > 0 && best->error <= static_cast<double>(target.tolerance))
     return {{}, true, "the tolerance is reached"};
   bool budget = false, tried = false;
-  for (const AxisSteps& steps : Candidates(*best, NotableSteps(*best, target))) {
-    const BakeSettings next = Refined(best->settings, steps);
+  for (const AxisSteps& steps : Candidates(*best, NotableSteps(*best, target), target.tolerance)) {
+    const BakeSettings next = Refined(*best, steps);
     if (Tried(rounds, next)) {
       tried = true;
       continue;
     }
-    double seconds = best->seconds, bytes = static_cast<double>(best->bytes);
-    for (int a = 0; a < kBakeAxes; ++a)
-      seconds *= std::pow(Model(a).seconds, steps[a]), bytes *= std::pow(Model(a).bytes, steps[a]);
-    const bool fits = (target.max_seconds <= 0 || seconds <= seconds_left) &&
-                      (target.max_bytes == 0 || bytes <= static_cast<double>(target.max_bytes));
+    const RoundCost cost = Expected(*best, steps);
+    const bool fits = (target.max_seconds <= 0 || cost.seconds <= seconds_left) &&
+                      (target.max_bytes == 0 || cost.bytes <= static_cast<double>(target.max_bytes));
     if (fits) return {next, false, ""};
     budget = true;
   }

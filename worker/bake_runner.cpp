@@ -75,7 +75,7 @@ struct BakeRunner::State {
   std::shared_mutex mutex;            ///< shared: tasks at work; exclusive: the round changes
   std::unique_ptr<Surface> surface;   ///< of the first task that had to be computed
   std::optional<Digest> round_input;  ///< that the gatherer has turned to
-  std::optional<RoundInput> input;  ///< which it reads as it goes
+  std::optional<RoundInput> input;    ///< which it reads as it goes
 
   Status BeginRound(const RoundManifest& round) {
     const MeteredSpan span(meter ? &meter->round_seconds : nullptr);
@@ -114,8 +114,8 @@ BakeRunner::~BakeRunner() = default;
 Result<BakeRunner> BakeRunner::Open(const fs::path& folder, int threads, uint64_t memory_bytes,
                                     WorkerMeter* meter, std::optional<uint32_t> home) {
   GLINT_ASSIGN_OR_RETURN(ChunkStore store, ChunkStore::Open(folder));
-  return BakeRunner(
-      std::unique_ptr<State>(new State{std::move(store), threads, memory_bytes, meter, home, {}, {}, {}, {}}));
+  return BakeRunner(std::unique_ptr<State>(
+      new State{std::move(store), threads, memory_bytes, meter, home, {}, {}, {}, {}}));
 }
 
 Result<bool> BakeRunner::Run(const RoundManifest& round, size_t index) {

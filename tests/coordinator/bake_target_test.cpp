@@ -60,6 +60,26 @@ TEST(NextStepTest, RefinesWhatStandsOut) {
             (Steps{false, true, false, true, false}));
 }
 
+TEST(NextStepTest, TakesTheMeshAsItIsBeforeAllElseForATightTolerance) {
+  std::vector<TargetRound> rounds{Round({0.01, 0.01, 0.1, 0.1, 0.2, 0.02})};
+  rounds[0].mesh_vertices = 12;
+  ASSERT_GT(rounds[0].settings.spatial_tolerance, 0);
+  BakeSettings next = *NextStep(rounds, {.tolerance = 0.02f}, 0).settings;
+  EXPECT_EQ(next.spatial_tolerance, 0) << "all of the mesh's vertices";
+  EXPECT_EQ(next.grid_level, rounds[0].settings.grid_level);
+  // Not if that is beyond the budget, nor for a tolerance that fewer vertices may do for.
+  next = *NextStep(rounds, {.tolerance = 0.02f, .max_seconds = 200}, 100).settings;
+  EXPECT_GT(next.spatial_tolerance, 0);
+  EXPECT_GT(NextStep(rounds, {.tolerance = 0.08f}, 0).settings->spatial_tolerance, 0);
+
+  // From the mesh on: what would have given about this error, and from there three steps.
+  rounds[0].settings.spatial_tolerance = 0;
+  rounds[0].mesh_vertices = 1;
+  rounds[0].cause = Round({0.01, 0.01, 0.02, 0.09, 0.2, 0.02}).cause;
+  next = *NextStep(rounds, {.tolerance = 0.08f}, 0).settings;
+  EXPECT_NEAR(next.spatial_tolerance, 0.09 / (1.5 * 1.5 * 1.5), 1e-4);
+}
+
 TEST(NextStepTest, LeavesAloneWhatIsFixed) {
   BakeTarget target{.tolerance = 0.02f};
   target.fixed[Of(BakeAxis::kDirections)] = true;
