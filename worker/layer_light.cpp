@@ -403,7 +403,8 @@ inline bool LayerLight::LocateAround(const glm::vec3& direction, uint32_t* hint,
     hit->word[j] = location.index[j] / kWordColumns;
     hit->bit[j] = location.index[j] % kWordColumns;
     for (int i = 0; i < hit->rows; ++i)
-      __builtin_prefetch(RowAt(hit->row[i]).words + sizeof(uint64_t) * hit->word[j]);
+      __builtin_prefetch(__atomic_load_n(&RowAt(hit->row[i]).words, __ATOMIC_RELAXED) +
+                         sizeof(uint64_t) * hit->word[j]);
   }
   return hit->defined;
 }
