@@ -94,6 +94,11 @@ struct BakeRunner::State {
     return {};
   }
 
+  void ForgetRound(const RoundManifest& round) {
+    const std::unique_lock changing(mutex);
+    if (round_input == round.InputKey()) round_input.reset();
+  }
+
   /// Returns holding the lock, with the gatherer at the round.
   Result<std::shared_lock<std::shared_mutex>> EnterRound(const RoundManifest& round) {
     const Digest wanted = round.InputKey();
@@ -126,11 +131,13 @@ Result<bool> BakeRunner::Run(const RoundManifest& round, size_t index) {
   }
   const TaskSpec task = round.Task(index);
   if (state_->store.FindResult(task.key)) return true;
-  GLINT_ASSIGN_OR_RETURN(const std::shared_lock<std::shared_mutex> at_work, state_->EnterRound(round));
+  GLINT_ASSIGN_OR_RETURN(std::shared_lock<std::shared_mutex> at_work, state_->EnterRound(round));
   GLINT_RETURN_IF_ERROR(CheckBlock(task.block, state_->surface->domain));
   const Status computed =
       ComputeTask(task, *state_->surface->gatherer, &state_->store, state_->meter, state_->home);
   if (computed.kind() == ErrorKind::kBadInput) {
+    at_work.unlock();
+    state_->ForgetRound(round);  // its input may be written anew, under the same name
     return computed.WithContext(InputPath(state_->store.root(), round.InputKey()).string() +
                                 " (remove it and resume the bake)");
   }

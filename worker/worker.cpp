@@ -187,7 +187,7 @@ class Worker {
       } else if (lease.ok() && where.waits) {
         at_work_->lines().FoundEmpty(where.line);
       } else if (meter_.busy == 0) {
-        return;
+        leave_ = true;  // all threads together: one alone would be missed until the others leave
       } else if (!lease.ok()) {
         std::this_thread::sleep_for(kIdle);
       }
