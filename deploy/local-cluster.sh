@@ -3,10 +3,15 @@
 # Usage: deploy/local-cluster.sh [FOLDER [WORKERS]]   FOLDER for all that it keeps; default: out/cluster, one worker a core
 # GLINT names the program (default: build/release/tools/glint); ports: GLINT_PORT (7117), NATS_PORT (4222).
 set -eu
+from="$PWD"
 cd "$(dirname "$0")/.."
-folder="${1:-out/cluster}"
+# The user's names are meant from where the user is.
+absolute() { (cd "$from" && realpath -m -- "$1"); }
+folder="${1:+$(absolute "$1")}"
+folder="${folder:-out/cluster}"
 workers="${2:-$(nproc)}"
-glint="${GLINT:-build/release/tools/glint}"
+glint="${GLINT:+$(absolute "$GLINT")}"
+glint="${glint:-build/release/tools/glint}"
 port="${GLINT_PORT:-7117}"
 nats_port="${NATS_PORT:-4222}"
 export GLINT_NATS="nats://127.0.0.1:$nats_port"
@@ -51,7 +56,8 @@ while [ "$i" -lt "$workers" ]; do
   i=$((i + 1))
 done
 "$glint" serve --store "$folder/store" --listen "127.0.0.1:$port" --workers &
-pids="$pids $!"
+serve_pid=$!
+pids="$pids $serve_pid"
 
 echo "$workers workers; logs in $folder. Try: $glint submit SCENE.glb --to 127.0.0.1:$port --wait -o OUT.glint"
-wait
+wait "$serve_pid" || { echo "the service has ended; so does all of it" >&2; exit 1; }

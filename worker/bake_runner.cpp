@@ -81,6 +81,9 @@ struct BakeRunner::State {
     const MeteredSpan span(meter ? &meter->round_seconds : nullptr);
     GLINT_ASSIGN_OR_RETURN(RoundInput opened, OpenInput(store.root(), round));
     round_input.reset();  // should something fail half way
+    if (surface && surface->bake == round.Bake() &&
+        surface->domain.row_count() != opened.archive.domain().row_count())
+      return BadInput(InputPath(store.root(), round.InputKey()).string() + ": is of another surface");
     if (!surface || surface->bake != round.Bake()) {
       surface.reset();
       auto made =
