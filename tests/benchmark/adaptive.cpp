@@ -224,45 +224,22 @@ void RunScene(const std::string& word, float exponent, const Arguments& args) {
   }
 }
 
-std::vector<float> Numbers(const std::string& list) {
-  std::vector<float> numbers;
-  for (const std::string& part : Split(list)) numbers.push_back(std::stof(part));
-  return numbers;
-}
-
 Arguments Parse(int argc, char** argv) {
   Arguments args;
   args.bake.max_layers = 2;
   args.bake.estimate_slices = 0;
   args.bake.threads = 1;
-  for (int i = 1; i < argc; ++i) {
-    const std::string key = argv[i];
-    if (key.rfind("--", 0) != 0) {
-      args.scenes.push_back(key);
-      continue;
-    }
-    const std::string value = i + 1 < argc ? argv[++i] : "";
-    if (key == "--exponents") {
-      args.exponents = Numbers(value);
-    } else if (key == "--tolerances") {
-      args.tolerances = Numbers(value);
-    } else if (key == "--uniform") {
-      args.uniform = Split(value);
-    } else if (key == "--vertices") {
-      args.vertices = static_cast<uint32_t>(std::stoul(value));
-    } else if (key == "--layers") {
-      args.bake.max_layers = std::stoi(value);
-    } else if (key == "--slices") {
-      args.slices = static_cast<uint32_t>(std::stoul(value));
-    } else if (key == "--max-seconds") {
-      args.bake.target.max_seconds = std::stod(value);
-    } else if (key == "--threads") {
-      args.bake.threads = std::stoi(value);
-    } else {
-      std::fprintf(stderr, "unknown option %s\n", key.c_str());
-      std::exit(2);
-    }
-  }
+  const Options options = {
+      {"--exponents", [&](const std::string& value) { args.exponents = Numbers(value); }},
+      {"--tolerances", [&](const std::string& value) { args.tolerances = Numbers(value); }},
+      {"--uniform", [&](const std::string& value) { args.uniform = Split(value); }},
+      {"--vertices", Set(&args.vertices)},
+      {"--layers", Set(&args.bake.max_layers)},
+      {"--slices", Set(&args.slices)},
+      {"--max-seconds", Set(&args.bake.target.max_seconds)},
+      {"--threads", Set(&args.bake.threads)},
+  };
+  args.scenes = ReadOptions(argc, argv, options);
   return args;
 }
 

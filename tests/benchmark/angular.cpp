@@ -84,28 +84,16 @@ Arguments Parse(int argc, char** argv) {
   args.bake.max_layers = 2;
   args.bake.estimate_slices = 0;
   args.bake.threads = 1;
-  for (int i = 1; i + 1 < argc; i += 2) {
-    const std::string key = argv[i], value = argv[i + 1];
-    if (key == "--scenes") {
-      args.scenes = Split(value, ',');
-    } else if (key == "--exponents") {
-      args.exponents.clear();
-      for (const std::string& e : Split(value, ',')) args.exponents.push_back(std::stof(e));
-    } else if (key == "--grids") {
-      args.grids = Split(value, ',');
-    } else if (key == "--vertices") {
-      args.vertices = static_cast<uint32_t>(std::stoul(value));
-    } else if (key == "--layers") {
-      args.bake.max_layers = std::stoi(value);
-    } else if (key == "--slices") {
-      args.slices = static_cast<uint32_t>(std::stoul(value));
-    } else if (key == "--threads") {
-      args.bake.threads = std::stoi(value);
-    } else {
-      std::fprintf(stderr, "unknown option %s\n", key.c_str());
-      std::exit(2);
-    }
-  }
+  const Options options = {
+      {"--scenes", [&](const std::string& value) { args.scenes = Split(value); }},
+      {"--exponents", [&](const std::string& value) { args.exponents = Numbers(value); }},
+      {"--grids", [&](const std::string& value) { args.grids = Split(value); }},
+      {"--vertices", Set(&args.vertices)},
+      {"--layers", Set(&args.bake.max_layers)},
+      {"--slices", Set(&args.slices)},
+      {"--threads", Set(&args.bake.threads)},
+  };
+  ReadOnlyOptions(argc, argv, options);
   return args;
 }
 

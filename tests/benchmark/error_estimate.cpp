@@ -88,38 +88,22 @@ Arguments Parse(int argc, char** argv) {
   Arguments args;
   args.bake.max_layers = 2;
   args.bake.estimate_slices = 0;
-  for (int i = 1; i + 1 < argc; i += 2) {
-    const std::string key = argv[i], value = argv[i + 1];
-    if (key == "--scenes") {
-      args.scenes = Split(value);
-    } else if (key == "--exponents") {
-      args.exponents.clear();
-      for (const std::string& e : Split(value)) args.exponents.push_back(std::stof(e));
-    } else if (key == "--skies") {
-      args.skies = Split(value);
-    } else if (key == "--vertices") {
-      args.vertices = static_cast<uint32_t>(std::stoul(value));
-    } else if (key == "--layers") {
-      args.bake.max_layers = std::stoi(value);
-    } else if (key == "--views") {
-      args.relit.views = std::stoi(value);
-    } else if (key == "--size") {
-      args.relit.size = std::stoi(value);
-    } else if (key == "--spp") {
-      args.relit.samples = std::stoi(value);
-    } else if (key == "--slice-lobes") {
-      args.bake.settings.slice_lobes = std::stoi(value);
-    } else if (key == "--lobe-tolerance") {
-      args.bake.settings.lobe_tolerance = std::stof(value);
-    } else if (key == "--slices") {
-      args.slices = static_cast<uint32_t>(std::stoul(value));
-    } else if (key == "--threads") {
-      args.relit.threads = args.bake.threads = std::stoi(value);
-    } else {
-      std::fprintf(stderr, "unknown option %s\n", key.c_str());
-      std::exit(2);
-    }
-  }
+  const Options options = {
+      {"--scenes", [&](const std::string& value) { args.scenes = Split(value); }},
+      {"--exponents", [&](const std::string& value) { args.exponents = Numbers(value); }},
+      {"--skies", [&](const std::string& value) { args.skies = Split(value); }},
+      {"--vertices", Set(&args.vertices)},
+      {"--layers", Set(&args.bake.max_layers)},
+      {"--views", Set(&args.relit.views)},
+      {"--size", Set(&args.relit.size)},
+      {"--spp", Set(&args.relit.samples)},
+      {"--slice-lobes", Set(&args.bake.settings.slice_lobes)},
+      {"--lobe-tolerance", Set(&args.bake.settings.lobe_tolerance)},
+      {"--slices", Set(&args.slices)},
+      {"--threads",
+       [&](const std::string& value) { args.relit.threads = args.bake.threads = std::stoi(value); }},
+  };
+  ReadOnlyOptions(argc, argv, options);
   return args;
 }
 

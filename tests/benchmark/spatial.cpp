@@ -65,35 +65,20 @@ Arguments Parse(int argc, char** argv) {
   args.bake.max_layers = 2;
   args.bake.estimate_slices = 0;
   args.bake.settings.grid_level = DirectionGrid::LevelOf(162);
-  for (int i = 1; i < argc; ++i) {
-    const std::string key = argv[i];
-    if (key.rfind("--", 0) != 0) {
-      args.scenes.push_back(key);
-      continue;
-    }
-    const std::string value = i + 1 < argc ? argv[++i] : "";
-    if (key == "--vertices") {
-      args.vertices = static_cast<uint32_t>(std::stoul(value));
-    } else if (key == "--exponent") {
-      args.exponent = std::stof(value);
-    } else if (key == "--directions") {
-      args.bake.settings.grid_level = DirectionGrid::LevelOf(static_cast<uint32_t>(std::stoul(value)));
-    } else if (key == "--layers") {
-      args.bake.max_layers = std::stoi(value);
-    } else if (key == "--tolerances") {
-      args.tolerances.clear();
-      for (const std::string& t : Split(value)) args.tolerances.push_back(std::stof(t));
-    } else if (key == "--subdivide") {
-      args.subdivide = std::stoi(value);
-    } else if (key == "--slices") {
-      args.slices = static_cast<uint32_t>(std::stoul(value));
-    } else if (key == "--threads") {
-      args.bake.threads = std::stoi(value);
-    } else {
-      std::fprintf(stderr, "unknown option %s\n", key.c_str());
-      std::exit(2);
-    }
-  }
+  const Options options = {
+      {"--vertices", Set(&args.vertices)},
+      {"--exponent", Set(&args.exponent)},
+      {"--directions",
+       [&](const std::string& value) {
+         args.bake.settings.grid_level = DirectionGrid::LevelOf(static_cast<uint32_t>(std::stoul(value)));
+       }},
+      {"--layers", Set(&args.bake.max_layers)},
+      {"--tolerances", [&](const std::string& value) { args.tolerances = Numbers(value); }},
+      {"--subdivide", Set(&args.subdivide)},
+      {"--slices", Set(&args.slices)},
+      {"--threads", Set(&args.bake.threads)},
+  };
+  args.scenes = ReadOptions(argc, argv, options);
   return args;
 }
 
