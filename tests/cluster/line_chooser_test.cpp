@@ -39,9 +39,9 @@ using Messages = std::vector<uint64_t>;
 class LineChooserTest : public testing::Test {
  protected:
   void Take(uint32_t line, int layer, double seconds = 1) {
-    chooser_.Took({Sha256(std::as_bytes(std::span(&layer, 1))), 0, line}, layer, now_);
+    chooser_.Took({Sha256(std::as_bytes(std::span(&layer, 1))), 0, line}, layer);
     now_ += seconds;
-    (void)Choose();  // which tells that the task is done
+    chooser_.Finished(seconds);
   }
   LineChooser::Choice Choose() { return chooser_.Choose(now_); }
   void Update(const Messages& messages) { chooser_.Update(messages, now_); }
