@@ -53,8 +53,10 @@ inline Float4 DecodeShorts(const void* p) {
   return __builtin_convertvector(__builtin_convertvector(code, Int4), Float4);
 }
 
+/// To the nearest, halves away from zero; unlike std::lround no call.
 int16_t EncodeSnorm(float x) {
-  return static_cast<int16_t>(std::lround(std::clamp(x, -1.0f, 1.0f) * 32767.0f));
+  const double scaled = std::clamp(x, -1.0f, 1.0f) * 32767.0f;
+  return static_cast<int16_t>(scaled + std::copysign(0.5, scaled));
 }
 
 float MeanCosine(float kappa) {
@@ -142,10 +144,8 @@ void LayerLight::PackSurface() {
   for (uint32_t r = 0; r < domain_.row_count(); ++r) row_.push_back({domain_.Row(r).normal, nothing});
 }
 
-LayerLight::Entry LayerLight::Pack(const LayerViews& views, uint32_t slot, uint32_t v,
-                                   uint32_t column) const {
-  const std::byte* stored = views.table(0, slot).Find(v, column);
-  if (!stored) return absent_[0];
+LayerLight::Entry LayerLight::Pack(const LayerViews& views, uint32_t slot, uint32_t v, uint32_t column,
+                                   const std::byte* stored) const {
   if (layer_ == 0) {
     const DirectLobe lobe = DecodeDirect(stored, views.table(0, slot).entry_bytes());
     return {{EncodeHalf(lobe.fraction), EncodeHalf(lobe.fraction * lobe.kappa_ratio), 0, 0},
@@ -177,7 +177,8 @@ void LayerLight::PackRows(int threads) {
 void LayerLight::PackRowOf(uint32_t v) const {
   if (!diffuse_.empty())
     for (uint32_t side = 0; side < 2; ++side)
-      diffuse_[2 * size_t{v} + side] = Pack(views_, views_.diffuse_slot(), v, side);
+      if (const std::byte* stored = views_.table(0, views_.diffuse_slot()).Find(v, side))
+        diffuse_[2 * size_t{v} + side] = Pack(views_, views_.diffuse_slot(), v, side, stored);
   const std::byte* words = reinterpret_cast<const std::byte*>(empty_row_.data());
   const bool stored = std::any_of(views_.specular.begin(), views_.specular.end(),
                                   [&](const SliceTableView& table) { return !table.RowEmpty(v); });
@@ -223,8 +224,8 @@ void LayerLight::UnpackRow(const LayerViews& views, uint32_t v, std::vector<Entr
   for (int k = 0; k < lobes_; ++k) {
     const auto slot = static_cast<uint32_t>(k);
     const SliceTableView::RowView row = views.specular[slot].Row(v);
-    row.ForEach([&](uint32_t column, const std::byte*) {
-      (*slices)[column * static_cast<size_t>(lobes_) + slot] = Pack(views, slot, v, column);
+    row.ForEach([&](uint32_t column, const std::byte* stored) {
+      (*slices)[column * static_cast<size_t>(lobes_) + slot] = Pack(views, slot, v, column, stored);
     });
     if (views.nested && !row.empty()) PredictSlices(row, slot, v, slices);
   }
@@ -264,22 +265,30 @@ LayerLight::Entry LayerLight::Mean(const Entry& a, const Entry& b) {
 
 /// A row's words, and the entries of directions that differ in some lobe from what an absent one stands for.
 std::vector<LayerLight::Entry> LayerLight::PackRow(const std::vector<Entry>& slices) const {
-  std::vector<uint64_t> words(words_, 0);
-  uint64_t rank = 0;
+  thread_local std::vector<uint64_t> words;
+  words.clear();
   const auto lobes = static_cast<size_t>(lobes_);
-  for (uint32_t column = 0; column < grid_.size(); ++column) {
-    if (column % kWordColumns == 0) words[column / kWordColumns] |= rank << kWordColumns;
-    const Entry* slice = &slices[column * lobes];
-    if (std::all_of(slice, slice + lobes, [&](const Entry& e) { return e == absent_[0]; })) continue;
-    words[column / kWordColumns] |= uint64_t{1} << (column % kWordColumns);
-    ++rank;
+  uint64_t rank = 0;
+  for (uint32_t first = 0; first < grid_.size(); first += kWordColumns) {
+    const uint32_t columns = std::min(kWordColumns, grid_.size() - first);
+    uint64_t stored = 0;
+    for (uint32_t c = 0; c < columns; ++c) {
+      const Entry* slice = &slices[(first + c) * lobes];
+      bool absent = true;
+      for (size_t k = 0; k < lobes; ++k) absent &= slice[k] == absent_[0];
+      stored |= uint64_t{!absent} << c;
+    }
+    words.push_back(rank << kWordColumns | stored);
+    rank += static_cast<uint64_t>(std::popcount(stored));
   }
   std::vector<Entry> row(head_ + rank * lobes);
   std::memcpy(static_cast<void*>(row.data()), words.data(), words_ * sizeof(uint64_t));
   Entry* out = row.data() + head_;
-  for (uint32_t column = 0; column < grid_.size(); ++column)
-    if (words[column / kWordColumns] >> (column % kWordColumns) & 1)
+  for (uint32_t w = 0; w < words_; ++w)
+    for (uint64_t left = words[w] & ((uint64_t{1} << kWordColumns) - 1); left; left &= left - 1) {
+      const auto column = w * kWordColumns + static_cast<uint32_t>(std::countr_zero(left));
       out = std::copy_n(&slices[column * lobes], lobes, out);
+    }
   return row;
 }
 

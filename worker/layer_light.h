@@ -98,7 +98,9 @@ class LayerLight {
   static Entry Mean(const Entry& a, const Entry& b);
   std::vector<Entry> PackRow(const std::vector<Entry>& slices) const;
   /// A slice as one entry, however many lobes it has.
-  Entry Pack(const LayerViews& views, uint32_t slot, uint32_t v, uint32_t column) const;
+  /// @param stored  the first of them
+  Entry Pack(const LayerViews& views, uint32_t slot, uint32_t v, uint32_t column,
+             const std::byte* stored) const;
   void LookWide(std::span<const LightQuery> queries, HitLight* out) const;
   void LookBatches(std::span<const LightQuery> queries, HitLight* out) const;
   Row& RowAt(uint32_t r) const { return facet_rows_ ? row_[r] : vertices_[r].row; }
