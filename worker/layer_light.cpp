@@ -74,6 +74,7 @@ struct LayerLight::Pending {
   glm::vec3 wo, normal;
   float cos_o;
   bool defined;  ///< some corner has a slice for wo; else the weights are 0, and the BRDF counts as free
+  bool stored;   ///< some corner has an entry; else nothing of an indirect layer is reflected specularly
   std::array<uint32_t, 3> word, bit;  ///< of the three directions in a row's words
   int rows;                           ///< bake vertices that answer
   std::array<uint32_t, kMaxPointRows> row;
@@ -419,6 +420,7 @@ inline bool LayerLight::LocateAround(const glm::vec3& direction, uint32_t* hint,
 }
 
 inline void LayerLight::FindEntries(Pending* hit) const {
+  uint64_t stored = 0;
   for (int i = 0; i < hit->rows; ++i) {
     const std::byte* row = Words(hit->row[i]);
     const Entry* entries = reinterpret_cast<const Entry*>(row) + head_;
@@ -427,11 +429,14 @@ inline void LayerLight::FindEntries(Pending* hit) const {
       const uint64_t below = word & ((uint64_t{1} << hit->bit[j]) - 1);
       const uint64_t rank = (word >> kWordColumns) + static_cast<uint64_t>(std::popcount(below));
       const Entry* entry = entries + rank * static_cast<uint64_t>(lobes_);
-      entry = (word >> hit->bit[j] & 1) ? entry : absent_.data();
+      const uint64_t here = word >> hit->bit[j] & 1;
+      stored |= here;
+      entry = here ? entry : absent_.data();
       __builtin_prefetch(entry);
       hit->entry[3 * i + j] = entry;
     }
   }
+  hit->stored = stored;
 }
 
 inline HitLight LayerLight::Evaluate(const Pending& hit) const {
@@ -450,6 +455,23 @@ inline HitLight LayerLight::Evaluate(const Pending& hit) const {
       if (hit.barycentric[i] > hit.barycentric[nearest]) nearest = i;
   const SliceSampler& sampler = samplers_[vertex[nearest]->shape];
 
+  if (layer_ == 0 || hit.stored) AddSpecular(hit, sampler, specular, &out);
+  if (diffuse_.empty() || diffuse.x + diffuse.y + diffuse.z <= 0) return out;
+  const glm::vec3 albedo = DiffuseAlbedo({sampler.model(), sampler.shape(), specular, diffuse}, hit.cos_o);
+  Sums sums;
+  for (int i = 0; i < hit.rows; ++i)
+    sums.Add(hit.row_weight[i], diffuse_[2 * size_t{hit.row[i]} + (hit.side < 0)]);
+  if (hit.rows == 0) sums.Add(1, absent_[0]);
+  if (layer_ == 0) {
+    AddDirect(sums, albedo, hit.normal, kCosineKappa, &out);
+  } else {
+    AddIndirect(sums, albedo, &out);
+  }
+  return out;
+}
+
+inline void LayerLight::AddSpecular(const Pending& hit, const SliceSampler& sampler,
+                                    const glm::vec3& specular, HitLight* out) const {
   BrdfSlice slice;
   std::array<glm::vec3, 2> axes;
   if (layer_ == 0) {
@@ -465,23 +487,11 @@ inline HitLight LayerLight::Evaluate(const Pending& hit) const {
     if (!hit.defined) sums.Add(1, absent_[0]);
     const BrdfLobe& lobe = slice.lobe[k];
     if (layer_ == 0) {
-      AddDirect(sums, lobe.Weight(specular), axes[0] * lobe.mu_x + axes[1] * lobe.mu_z, lobe.kappa, &out);
+      AddDirect(sums, lobe.Weight(specular), axes[0] * lobe.mu_x + axes[1] * lobe.mu_z, lobe.kappa, out);
     } else {
-      AddIndirect(sums, lobe.Weight(specular), &out);
+      AddIndirect(sums, lobe.Weight(specular), out);
     }
   }
-  if (diffuse_.empty() || diffuse.x + diffuse.y + diffuse.z <= 0) return out;
-  const glm::vec3 albedo = DiffuseAlbedo({sampler.model(), sampler.shape(), specular, diffuse}, hit.cos_o);
-  Sums sums;
-  for (int i = 0; i < hit.rows; ++i)
-    sums.Add(hit.row_weight[i], diffuse_[2 * size_t{hit.row[i]} + (hit.side < 0)]);
-  if (hit.rows == 0) sums.Add(1, absent_[0]);
-  if (layer_ == 0) {
-    AddDirect(sums, albedo, hit.normal, kCosineKappa, &out);
-  } else {
-    AddIndirect(sums, albedo, &out);
-  }
-  return out;
 }
 
 inline void LayerLight::AddDirect(const Sums& sums, const glm::vec3& weight, const glm::vec3& mu, float kappa,

@@ -111,6 +111,8 @@ class LayerLight {
   bool LocateAround(const glm::vec3& direction, uint32_t* hint, Pending* hit) const;
   void FindEntries(Pending* hit) const;
   HitLight Evaluate(const Pending& hit) const;
+  void AddSpecular(const Pending& hit, const SliceSampler& sampler, const glm::vec3& specular,
+                   HitLight* out) const;
   void AddDirect(const Sums& sums, const glm::vec3& weight, const glm::vec3& mu, float kappa,
                  HitLight* out) const;
   void AddIndirect(const Sums& sums, const glm::vec3& weight, HitLight* out) const;
