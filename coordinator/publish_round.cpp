@@ -44,7 +44,7 @@ Status WriteInput(const ExecutorInput& bake, const RoundManifest& manifest, cons
   content.domain = &bake.domain;
   content.grid_level = bake.grid.level();
   content.base_level = bake.grid.base_level();
-  content.slice_lobes = static_cast<int>(bake.settings.StoredLobes(1));
+  content.slice_lobes = static_cast<int>(bake.settings.StoredLobes());
   content.archive_key = manifest.InputKey();
   if (manifest.layer > 1) {
     empty = EmptyDirectLayer(bake);
