@@ -1,5 +1,6 @@
 // A blocker's edge leaves a part of a lobe that no round lobe is like. It is taken for a mixture of a few, by
-// expectation-maximisation: k-means alone makes their edges hard, and half of what they win is lost again.
+// expectation-maximisation: k-means alone gives them hard edges, and where little is blocked more is lost by
+// these than won.
 #include "worker/visible_parts.h"
 
 #include <algorithm>
@@ -14,9 +15,10 @@ namespace glint {
 namespace {
 
 constexpr int kRounds = 2;  ///< of expectation-maximisation; more are hardly better
-/// Of the tolerance for indirect light, whose measure has other units: what is missed there is light that
-/// itself is some part of the lobe's.
+/// Of the tolerance for indirect light, whose measure has other units. Squared, it is what a lobe has to take
+/// out of the square of a relit slice's error, 1 being all that the surface reflects.
 constexpr double kPartOfTolerance = 0.1;
+constexpr float kSamplesPerLobe = 3;  ///< lobes of fewer are shaped by where samples happen to lie
 constexpr float kLog2e = 1.44269504f;
 constexpr float kBroadest = 1e-3f;  ///< kappa: broader lobes count as this broad
 
@@ -80,6 +82,16 @@ LightGroups Soften(const GatherKernels& kernels, const LightList& list, const Sl
   return groups;
 }
 
+/// Samples of equal strength that would tell as much as the list's.
+float EffectiveSamples(const LightList& list) {
+  float sum = 0, squares = 0;
+  for (int i = 0; i < list.count; ++i) {
+    sum += list.channel[0][i];
+    squares += list.channel[0][i] * list.channel[0][i];
+  }
+  return squares > 0 ? sum * sum / squares : 0;
+}
+
 }  // namespace
 
 bool CanBeCutUp(const DirectMoments& moments, const ReadOut& read_out) {
@@ -92,6 +104,9 @@ LightGroups CutUp(const GatherKernels& kernels, const VisibleLight& light, doubl
   LightGroups one;
   if (!(light.total.strength > 0)) return one;
   one.Add(light.total);
+  const int most =
+      std::min(read_out.slice_lobes, static_cast<int>(EffectiveSamples(light.list) / kSamplesPerLobe));
+  if (most < 2) return one;
   const double part = visible / light.total.strength;
   const double price = Tolerance(read_out) * Tolerance(read_out);
   const LightGroups hard = GroupLight(kernels, light.list, light.total, 0);
@@ -101,7 +116,7 @@ LightGroups CutUp(const GatherKernels& kernels, const VisibleLight& light, doubl
     const double cost = Misfit2(kernels, light.list, groups, part, lobe) + (groups.size() - 1) * price;
     if (cost < least) least = cost, best = groups;
   };
-  for (int n = 2; n <= std::min(hard.size(), read_out.slice_lobes); ++n) {
+  for (int n = 2; n <= std::min(hard.size(), most); ++n) {
     LightGroups few = hard;
     JoinLikeGroups(n, 0, &few);
     consider(Soften(kernels, light.list, lobe, few));

@@ -27,7 +27,7 @@ struct VisibleLight {
 bool CanBeCutUp(const DirectMoments& moments, const ReadOut& read_out);
 
 /// Groups that are stored as lobes of their own; fewer than two: one lobe will do. At most
-/// read_out.slice_lobes; as few as come, relit, within the tolerance of as many.
+/// read_out.slice_lobes; as many as take out of the relit slice's error what they cost.
 /// @param visible  part of the lobe that `light` is
 LightGroups CutUp(const GatherKernels& kernels, const VisibleLight& light, double visible,
                   const SliceLobe& lobe, const ReadOut& read_out);

@@ -44,8 +44,8 @@ struct BakeSettings {
   /// kShared: light is read out as up to this many lobes for each of a slice's BRDF, 1 .. kMaxSliceLobes ...
   int slice_lobes = 1;
   /// ... and no more once joining two of them loses less than this. Indirect: the part of their common spread
-  /// that lies between them, times the root of their part of the BRDF lobe's light. Direct: what is missed of
-  /// the visible part's shape (docs/mathematics.md), a fourth of it counting as much
+  /// that lies between them, times the root of their part of the BRDF lobe's light. Direct: a tenth of this
+  /// is what a further lobe takes out of the error of the relit slice at least (worker/visible_parts.h)
   float lobe_tolerance = 0.2f;
   uint64_t seed = 1;
   BrdfFitOptions fit;
