@@ -18,7 +18,7 @@ constexpr int kRounds = 2;  ///< of expectation-maximisation; more are hardly be
 /// Of the tolerance for indirect light, whose measure has other units. Squared, it is what a lobe has to take
 /// out of the square of a relit slice's error, 1 being all that the surface reflects.
 constexpr double kPartOfTolerance = 0.1;
-constexpr float kSamplesPerLobe = 3;  ///< lobes of fewer are shaped by where samples happen to lie
+constexpr float kSamplesPerLobe = 6;  ///< lobes of fewer are shaped by where samples happen to lie
 constexpr float kLog2e = 1.44269504f;
 constexpr float kBroadest = 1e-3f;  ///< kappa: broader lobes count as this broad
 
