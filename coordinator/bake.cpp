@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <deque>
+#include <map>
 #include <memory>
 #include <utility>
 
@@ -24,6 +25,7 @@
 #include "coordinator/spatial/refine.h"
 #include "coordinator/work_folder.h"
 #include "worker/execution_id.h"
+#include "worker/home_line.h"
 
 namespace glint {
 namespace {
@@ -66,6 +68,7 @@ class Progress {
   void Stage(const std::string& name, size_t tasks = 0, double slices_per_task = 0) {
     EndStage();
     state_ = {name, 0, tasks};
+    workers_.clear();
     slices_per_task_ = slices_per_task;
     computed_ = 0;
     begin_ = Now();
@@ -89,6 +92,18 @@ class Progress {
                   : 0;
     Emit();
   }
+  /// Says who finished a task, before TaskDone does.
+  void Credit(const ChunkStore& store, const TaskNote& note) {
+    if (!note.home) return;
+    const auto [place, is_new] = workers_.try_emplace(*note.home, state_.workers.size());
+    if (is_new) {
+      const std::string name = HomeName(store.root(), *note.home);
+      state_.workers.push_back({name.empty() ? "line " + std::to_string(*note.home) : name});
+    }
+    WorkerProgress& worker = state_.workers[place->second];
+    ++worker.tasks;
+    worker.seconds += note.seconds;
+  }
   void EndStage() {
     if (!state_.stage.empty()) report_->stage_seconds.emplace_back(state_.stage, Now() - begin_);
     state_.stage.clear();
@@ -102,6 +117,7 @@ class Progress {
   const BakeProgressCallback& callback_;
   BakeReport* report_;
   BakeProgress state_;
+  std::map<uint32_t, size_t> workers_;  ///< places in state_.workers, by line
   double begin_ = 0, slices_per_task_ = 0;
   size_t computed_ = 0;
 };
@@ -115,8 +131,10 @@ Result<Layer> BakeLayer(const std::vector<TaskSpec>& tasks, const Layer* previou
                                  domain.max_lobes() / static_cast<double>(tasks.size());
   for (int attempt = 0;; ++attempt) {
     progress->Stage(name, tasks.size(), slices_per_task);
-    GLINT_RETURN_IF_ERROR(executor->Run(
-        {tasks, previous}, [&](size_t, bool was_there) { progress->TaskDone(was_there, attempt > 0); }));
+    GLINT_RETURN_IF_ERROR(executor->Run({tasks, previous}, [&](size_t i, bool was_there) {
+      if (!was_there) progress->Credit(store, store.FindNote(tasks[i].key).value_or(TaskNote()));
+      progress->TaskDone(was_there, attempt > 0);
+    }));
     progress->Stage("merge " + std::to_string(tasks.front().layer));
     Result<Layer> layer =
         MergeLayer(store, tasks, domain, grid, options.settings, options.table_form, threads);

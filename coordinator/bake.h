@@ -65,6 +65,13 @@ struct BakeOptions {
   std::function<void(const Digest&)> begins;
 };
 
+/// What one of a queue's workers has done in a layer.
+struct WorkerProgress {
+  std::string name;    ///< HomeName, or "line <number>"
+  uint64_t tasks = 0;  ///< finished since the layer began in this run
+  double seconds = 0;  ///< of processor time that they took
+};
+
 /// State of a running bake.
 struct BakeProgress {
   std::string stage;  ///< "load", "fit", "place", "layer 0", ..., "estimate", "write"
@@ -72,7 +79,8 @@ struct BakeProgress {
   size_t found = 0;   ///< of those done: their result was there
   uint64_t rays = 0;  ///< of the layers that are merged
   double slices_per_second = 0;
-  double seconds_left = 0;  ///< of this layer
+  double seconds_left = 0;                ///< of this layer; 0: not known yet
+  std::vector<WorkerProgress> workers{};  ///< in the order of their first tasks; none without a queue
 };
 using BakeProgressCallback = std::function<void(const BakeProgress&)>;
 

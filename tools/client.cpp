@@ -35,7 +35,7 @@ Status FromGrpc(const std::string& host, const grpc::ClientContext& context, con
       return {static_cast<ErrorKind>(number), status.error_message()};
   }
   return IoError("the service at " + host + " does not answer as one (" + status.error_message() +
-                 "); is 'glint serve' running there, and are --host and the certificates right?");
+                 "); is 'glint serve' running there, and are --to and the certificates right?");
 }
 
 RemoteBake FromMessage(const v1::Bake& message) {
@@ -51,6 +51,8 @@ RemoteBake FromMessage(const v1::Bake& message) {
   bake.tasks = message.tasks();
   bake.slices_per_second = message.slices_per_second();
   bake.seconds_left = message.seconds_left();
+  for (const v1::Worker& worker : message.workers())
+    bake.workers.push_back({worker.name(), worker.tasks(), worker.seconds()});
   bake.archive_bytes = message.archive_bytes();
   bake.submitted_unix = message.submitted_unix();
   return bake;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/base/status.h"
+#include "coordinator/bake.h"
 #include "coordinator/service/journal.h"
 
 namespace glint {
@@ -25,7 +26,8 @@ struct RemoteBake {
   Status error;  ///< kFailed
   std::string stage;
   uint64_t tasks_done = 0, tasks = 0;
-  double slices_per_second = 0, seconds_left = 0;
+  double slices_per_second = 0, seconds_left = 0;  ///< 0: not known yet
+  std::vector<WorkerProgress> workers;             ///< BakeProgress::workers
   uint64_t archive_bytes = 0;
   int64_t submitted_unix = 0;
 };

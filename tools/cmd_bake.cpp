@@ -44,7 +44,7 @@ class ProgressPrinter {
     if (progress.tasks == 0) return progress.stage;
     char text[160];
     const double percent = 100.0 * static_cast<double>(progress.done) / static_cast<double>(progress.tasks);
-    if (progress.slices_per_second <= 0) {
+    if (progress.seconds_left <= 0) {
       std::snprintf(text, sizeof text, "%s: %3.0f %%", progress.stage.c_str(), percent);
     } else {
       std::snprintf(text, sizeof text, "%s: %3.0f %%, %.3g million slices/s, %.0f s left",

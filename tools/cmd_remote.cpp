@@ -4,6 +4,7 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <thread>
 
@@ -41,16 +42,28 @@ nlohmann::ordered_json ToJson(const RemoteBake& bake) {
                                  {"name", bake.name},
                                  {"state", StateName(bake.state)},
                                  {"submitted", bake.submitted_unix}};
-  if (bake.state == BakeState::kRunning)
+  if (bake.state == BakeState::kRunning) {
+    nlohmann::ordered_json workers = nlohmann::ordered_json::array();
+    for (const WorkerProgress& worker : bake.workers)
+      workers.push_back({{"name", worker.name}, {"tasks", worker.tasks}, {"seconds", worker.seconds}});
     json.update({{"stage", bake.stage},
                  {"tasks_done", bake.tasks_done},
                  {"tasks", bake.tasks},
                  {"slices_per_second", bake.slices_per_second},
-                 {"seconds_left", bake.seconds_left}});
+                 {"seconds_left", bake.seconds_left},
+                 {"workers", workers}});
+  }
   if (bake.state == BakeState::kDone) json["archive_bytes"] = bake.archive_bytes;
   if (bake.state == BakeState::kFailed)
     json.update({{"error_kind", static_cast<int>(bake.error.kind())}, {"error", bake.error.message()}});
   return json;
+}
+
+std::string Describe(const WorkerProgress& worker) {
+  char text[80];
+  std::snprintf(text, sizeof text, " %llu tasks, %.0f s", static_cast<unsigned long long>(worker.tasks),
+                worker.seconds);
+  return worker.name + text;
 }
 
 std::string Describe(const RemoteBake& bake) {
@@ -60,10 +73,21 @@ std::string Describe(const RemoteBake& bake) {
   text += "  " + bake.stage;
   if (bake.tasks == 0) return text;
   char progress[80];
-  std::snprintf(progress, sizeof progress, ": %.0f %%, %.0f s left",
-                100.0 * static_cast<double>(bake.tasks_done) / static_cast<double>(bake.tasks),
-                bake.seconds_left);
+  std::snprintf(progress, sizeof progress, ": %.0f %%",
+                100.0 * static_cast<double>(bake.tasks_done) / static_cast<double>(bake.tasks));
+  text += progress;
+  if (bake.seconds_left <= 0) return text;
+  std::snprintf(progress, sizeof progress, ", %.0f s left", bake.seconds_left);
   return text + progress;
+}
+
+/// What a round's workers have done, as far as it fits into a line.
+std::string DescribeWorkers(const RemoteBake& bake) {
+  constexpr size_t kNamed = 4;
+  if (bake.workers.size() > kNamed) return "; " + std::to_string(bake.workers.size()) + " workers";
+  std::string text;
+  for (const WorkerProgress& worker : bake.workers) text += "; " + Describe(worker);
+  return text;
 }
 
 void Print(const RemoteBake& bake, const CommonWords& common) {
@@ -71,6 +95,7 @@ void Print(const RemoteBake& bake, const CommonWords& common) {
     PrintJson(ToJson(bake));
   } else {
     std::printf("%s\n", Describe(bake).c_str());
+    for (const WorkerProgress& worker : bake.workers) std::printf("  %s\n", Describe(worker).c_str());
   }
 }
 
@@ -82,21 +107,34 @@ Status EndOf(const RemoteBake& bake) {
   return {};
 }
 
-/// Watches a bake to its end, through services that end and come again.
-Result<RemoteBake> WatchToEnd(ServiceClient* client, const std::string& id) {
-  Stopwatch shown, silent;
-  double next = 0, heard = 0;
-  std::string stage;
-  const auto show = [&](const RemoteBake& bake) {
-    heard = silent.Seconds();
+using ShowBake = std::function<void(const RemoteBake&)>;
+
+/// Shows each new stage at once, and what happens inside it at a pace that a person or a log file can take.
+ShowBake AtReadingPace() {
+  return [watch = Stopwatch(), next = 0.0, stage = std::string()](const RemoteBake& bake) mutable {
     const std::string now = StateName(bake.state) + bake.stage;
-    if (now == stage && shown.Seconds() < next) return;
+    if (now == stage && watch.Seconds() < next) return;
     stage = now;
-    next = shown.Seconds() + (isatty(STDERR_FILENO) == 1 ? 0.1 : 10.0);
-    Log(LogLevel::kProgress, Describe(bake));
+    next = watch.Seconds() + (isatty(STDERR_FILENO) == 1 ? 0.1 : 10.0);
+    Log(LogLevel::kProgress, Describe(bake) + DescribeWorkers(bake));
   };
+}
+
+/// For programs: every change, an object a line.
+void ShowAsLine(const RemoteBake& bake) {
+  std::printf("%s\n", ToJson(bake).dump().c_str());
+  std::fflush(stdout);
+}
+
+/// Watches a bake to its end, through services that end and come again.
+Result<RemoteBake> WatchToEnd(ServiceClient* client, const std::string& id, const ShowBake& show) {
+  const Stopwatch silent;
+  double heard = 0;
   for (;;) {
-    Result<RemoteBake> watched = client->Watch(id, show);
+    Result<RemoteBake> watched = client->Watch(id, [&](const RemoteBake& bake) {
+      heard = silent.Seconds();
+      show(bake);
+    });
     const bool again = watched.status().kind() == ErrorKind::kIo && silent.Seconds() - heard < kPatience;
     if (!again || StopRequested()) return watched;
     std::this_thread::sleep_for(std::chrono::milliseconds(500));
@@ -141,7 +179,7 @@ Status RunSubmit(const SubmitWords& words, const CommonWords& common) {
   GLINT_ASSIGN_OR_RETURN(RemoteBake bake, client->Submit(request));
   if (words.wait) {
     Log(LogLevel::kNote, "bake " + bake.id);
-    GLINT_ASSIGN_OR_RETURN(bake, WatchToEnd(client.get(), bake.id));
+    GLINT_ASSIGN_OR_RETURN(bake, WatchToEnd(client.get(), bake.id, AtReadingPace()));
   }
   Print(bake, common);
   if (!words.wait) return {};
@@ -174,8 +212,9 @@ Status RunStatus(ServiceClient* client, const RemoteWords& words, const CommonWo
 }
 
 Status RunWatch(ServiceClient* client, const RemoteWords& words, const CommonWords& common) {
-  GLINT_ASSIGN_OR_RETURN(const RemoteBake bake, WatchToEnd(client, words.id));
-  Print(bake, common);
+  GLINT_ASSIGN_OR_RETURN(const RemoteBake bake,
+                         WatchToEnd(client, words.id, common.json ? ShowAsLine : AtReadingPace()));
+  if (!common.json) Print(bake, common);
   return EndOf(bake);
 }
 

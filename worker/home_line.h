@@ -2,12 +2,14 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
 
 namespace glint {
 
 /// The line of a bake's queue at which a worker waits for tasks whose hits it holds (worker/line_chooser.h).
 /// As long as this lives no other worker of the bake has the same, unless there are more workers than lines
-/// or the file system has no locks: then some share one, and trace what the others have traced.
+/// or the file system has no locks: then some share one, and trace what the others have traced. The line's
+/// file, homes/<line> in the bake's folder, says who has it.
 class HomeLine {
  public:
   /// @param bake   the bake's folder
@@ -24,5 +26,8 @@ class HomeLine {
   uint32_t line_;
   int lock_ = -1;
 };
+
+/// "host:process" of the worker that has a line, or had it last; empty: nobody that could lock it.
+std::string HomeName(const std::filesystem::path& bake, uint32_t line);
 
 }  // namespace glint

@@ -24,7 +24,6 @@ LineChooser::LineChooser(uint32_t lines, uint32_t home, uint64_t seed)
 
 LineChooser::Choice LineChooser::Choose(double now) {
   const std::lock_guard lock(mutex_);
-  if (took_) task_seconds_ = now - *std::exchange(took_, std::nullopt);
   if (goes_on_) return {next_, true};
   if (!known_) return {home_, false};
   if (lines_[home_].Waiting() > 0) return {home_, true};
@@ -67,7 +66,7 @@ void LineChooser::Update(std::span<const uint64_t> messages, double now) {
   known_ = true;
 }
 
-void LineChooser::Took(const TaskMessage& task, int layer, double now) {
+void LineChooser::Took(const TaskMessage& task, int layer) {
   const std::lock_guard lock(mutex_);
   if (round_ != task.manifest) {
     for (Line& line : lines_) line.taken = 0;
@@ -78,7 +77,11 @@ void LineChooser::Took(const TaskMessage& task, int layer, double now) {
   next_ = first_layer_ ? task.shard : home_;
   goes_on_ = first_layer_ || !home_is_empty_;
   known_ = false;
-  took_ = now;
+}
+
+void LineChooser::Finished(double seconds) {
+  const std::lock_guard lock(mutex_);
+  task_seconds_ = seconds;
 }
 
 void LineChooser::FoundEmpty(uint32_t line) {

@@ -43,7 +43,9 @@ class LineChooser {
   /// How many messages are in each line, as the queue says; some may be with workers.
   void Update(std::span<const uint64_t> messages, double now);
   /// A task of a round, the first of which begins it, came from a line.
-  void Took(const TaskMessage& task, int layer, double now);
+  void Took(const TaskMessage& task, int layer);
+  /// A task took so long.
+  void Finished(double seconds);
   /// None came from a line: the messages that it has are with workers.
   void FoundEmpty(uint32_t line);
 
@@ -67,8 +69,7 @@ class LineChooser {
   bool goes_on_ = true;  ///< ... unless it has been found empty
   bool home_is_empty_ = false;
   bool first_layer_ = true;
-  std::optional<double> took_;  ///< when a task was taken
-  double task_seconds_ = 0;     ///< that the last one took
+  double task_seconds_ = 0;  ///< that the last one took
   bool looks_around_ = false;
   bool known_ = false;  ///< what the queue said has not been overtaken by a task of some seconds
 };

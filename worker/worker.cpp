@@ -224,8 +224,10 @@ class Worker {
       lease->GiveUp();  // of a round that is over
       return;
     }
-    at_work_->lines().Took(lease->message(), round->layer, Now());
+    const double began = Now();
+    at_work_->lines().Took(lease->message(), round->layer);
     Settle(lease, *round, Compute(lease, *round));
+    at_work_->lines().Finished(Now() - began);
   }
 
   Outcome Compute(TaskLease* lease, const RoundManifest& round) {

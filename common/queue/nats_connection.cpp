@@ -95,6 +95,8 @@ Status NatsConnection::Connect(const NatsOptions& options) {
   if (s == NATS_OK) s = natsOptions_SetServers(made, servers.data(), static_cast<int>(servers.size()));
   if (s == NATS_OK) s = natsOptions_SetName(made, "glint " GLINT_VERSION);
   if (s == NATS_OK) s = natsOptions_SetCustomInboxPrefix(made, options.inbox.c_str());
+  // Else the client waits a millisecond for more to send, twice for each task.
+  if (s == NATS_OK) s = natsOptions_SetSendAsap(made, true);
   if (s == NATS_OK) s = ApplySecurity(options, made);
   if (s == NATS_OK) s = ApplyReconnecting(made);
   if (s != NATS_OK) {

@@ -79,6 +79,12 @@ void Fill(const BakeStatus& status, v1::Bake* out) {
   out->set_tasks(status.progress.tasks);
   out->set_slices_per_second(status.progress.slices_per_second);
   out->set_seconds_left(status.progress.seconds_left);
+  for (const WorkerProgress& worker : status.progress.workers) {
+    v1::Worker* const to = out->add_workers();
+    to->set_name(worker.name);
+    to->set_tasks(worker.tasks);
+    to->set_seconds(worker.seconds);
+  }
 }
 static_assert(static_cast<int>(v1::QUEUED) == static_cast<int>(BakeState::kQueued) &&
               static_cast<int>(v1::RUNNING) == static_cast<int>(BakeState::kRunning) &&

@@ -37,6 +37,7 @@ class BackgroundProcess {
   BackgroundProcess(const BackgroundProcess&) = delete;
   BackgroundProcess& operator=(const BackgroundProcess&) = delete;
 
+  pid_t pid() const { return pid_; }
   void Signal(int signal) const;
   bool Running();
   /// Waits for its end; its exit code, or minus the signal that ended it.

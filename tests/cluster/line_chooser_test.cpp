@@ -1,7 +1,9 @@
 #include "worker/line_chooser.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <fstream>
 #include <map>
 #include <memory>
 #include <set>
@@ -39,9 +41,9 @@ using Messages = std::vector<uint64_t>;
 class LineChooserTest : public testing::Test {
  protected:
   void Take(uint32_t line, int layer, double seconds = 1) {
-    chooser_.Took({Sha256(std::as_bytes(std::span(&layer, 1))), 0, line}, layer, now_);
+    chooser_.Took({Sha256(std::as_bytes(std::span(&layer, 1))), 0, line}, layer);
     now_ += seconds;
-    (void)Choose();  // which tells that the task is done
+    chooser_.Finished(seconds);
   }
   LineChooser::Choice Choose() { return chooser_.Choose(now_); }
   void Update(const Messages& messages) { chooser_.Update(messages, now_); }
@@ -138,6 +140,15 @@ TEST(HomeLineTest, IsAnotherForEachWorkerAndFreeAgainAfterIt) {
   EXPECT_EQ(HomeLine(bake.path(), 3, 7).line(), 1u) << "none is free: shared";
   second.reset();
   EXPECT_EQ(HomeLine(bake.path(), 3, 7).line(), freed);
+}
+
+TEST(HomeLineTest, SaysWhoHasIt) {
+  const TempFolder bake;
+  EXPECT_EQ(HomeName(bake.path(), 1), "");
+  const HomeLine home(bake.path(), 3, 7);
+  EXPECT_TRUE(HomeName(bake.path(), 1).ends_with(":" + std::to_string(getpid())));
+  std::ofstream(bake / "homes/2") << "a\x1b[2Jb\n";
+  EXPECT_EQ(HomeName(bake.path(), 2), "a?[2Jb?") << "nothing that a terminal would obey";
 }
 
 TEST(HomeLineTest, IsALineWhereThereCanBeNoLocks) { EXPECT_EQ(HomeLine("/nowhere/at/all", 4, 6).line(), 2u); }

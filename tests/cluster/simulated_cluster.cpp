@@ -357,7 +357,7 @@ class Worker {
   }
 
   void Compute(const Queue::Message& message) {
-    lines_->Took(message.task, at_work_->layer(), clock_.now());
+    lines_->Took(message.task, at_work_->layer());
     const bool wanted = at_work_->Wants(message.task);
     const double gather = wanted ? slowness_ * GatherSeconds(at_work_->block(message.task)) : 0;
     const double turn = wanted ? slowness_ * TurnSeconds() : 0;
@@ -366,7 +366,8 @@ class Worker {
     at_work_->result.worker_seconds += seconds;
     at_work_->result.turn_seconds += turn;
     at_work_->result.message_seconds += fleet_.task_seconds;
-    clock_.After(seconds, [this, message, gather, wanted] {
+    clock_.After(seconds, [this, message, gather, wanted, seconds] {
+      lines_->Finished(seconds);
       if (wanted) at_work_->Finish(message.task, gather, home_);
       queue_.Done(at_work_->key(), message);
       if (clock_.now() < stay_until_) return Fetch();

@@ -11,28 +11,16 @@
 #include "coordinator/local_executor.h"
 #include "tests/base/temp_folder.h"
 #include "tests/coordinator/bake_fixture.h"
+#include "tests/coordinator/baked.h"
 
 namespace glint {
 namespace {
 
+using bake_fixture::BakeHere;
 using bake_fixture::BallOnFloor;
-using bake_fixture::BytesOf;
 using bake_fixture::Generated;
 using bake_fixture::GeneratedPaint;
 using bake_fixture::SmallOptions;
-
-struct Baked {
-  BakeReport report;
-  std::vector<std::byte> archive;
-};
-
-Baked BakeHere(const Scene& scene, const BakeOptions& options) {
-  const TempFolder folder;
-  Result<BakeReport> report = BakeScene(scene, "scene", folder / "out.glint", options);
-  EXPECT_TRUE(report.ok()) << report.status().message();
-  if (!report.ok()) return {};
-  return {std::move(report).value(), BytesOf(folder / "out.glint")};
-}
 
 struct Case {
   const char* name;
@@ -59,12 +47,12 @@ TEST_P(BakeDeterminismTest, ThreadsPartitionAndMemoryDoNotShow) {
   options.settings.spatial_tolerance = GetParam().spatial_tolerance;
   options.settings.smallest_edge = 1.0f / 32;
   options.threads = 1;
-  const Baked expected = BakeHere(scene, options);
-  ASSERT_FALSE(expected.archive.empty());
-  ASSERT_EQ(expected.report.layers.size(), 3u);
-  EXPECT_GT(expected.report.layers[0].stored[0], 0u);
-  EXPECT_GT(expected.report.layers[1].stored[0], 0u);
-  EXPECT_GT(expected.report.layers[2].stored[0], 0u);
+  const auto expected = BakeHere(scene, options);
+  ASSERT_FALSE(expected->bytes.empty());
+  ASSERT_EQ(expected->report.layers.size(), 3u);
+  EXPECT_GT(expected->report.layers[0].stored[0], 0u);
+  EXPECT_GT(expected->report.layers[1].stored[0], 0u);
+  EXPECT_GT(expected->report.layers[2].stored[0], 0u);
 
   for (const Spread& spread : {Spread{2, 0, 0, 0}, Spread{3, 0, 0, 0}, Spread{2, 37, 0, 1},
                                Spread{3, 200, 13, 0}, Spread{1, 100000, 1000, 1 << 16}}) {
@@ -72,12 +60,12 @@ TEST_P(BakeDeterminismTest, ThreadsPartitionAndMemoryDoNotShow) {
     options.vertices_per_task = spread.vertices_per_task;
     options.directions_per_task = spread.directions_per_task;
     options.memory_bytes = spread.memory_bytes;
-    const Baked baked = BakeHere(scene, options);
+    const auto baked = BakeHere(scene, options);
     const auto label = testing::Message() << spread.threads << " threads, " << spread.vertices_per_task
                                           << " vertices and " << spread.directions_per_task
                                           << " directions a task, " << spread.memory_bytes << " bytes";
-    EXPECT_TRUE(baked.archive == expected.archive) << label;
-    EXPECT_EQ(baked.report.deterministic_json, expected.report.deterministic_json) << label;
+    EXPECT_TRUE(baked->bytes == expected->bytes) << label;
+    EXPECT_EQ(baked->report.deterministic_json, expected->report.deterministic_json) << label;
   }
 }
 
@@ -100,7 +88,7 @@ TEST(BakeSettingsTest, WhatDecidesTheResultShows) {
   const Scene scene = Generated("planes");
   BakeOptions options = SmallOptions();
   options.max_layers = 1;
-  const Baked expected = BakeHere(scene, options);
+  const auto expected = BakeHere(scene, options);
   const std::function<void(BakeOptions*)> changes[] = {
       [](BakeOptions* o) { o->settings.seed = 2; },
       [](BakeOptions* o) { o->settings.max_rays = 1024; },
@@ -113,7 +101,7 @@ TEST(BakeSettingsTest, WhatDecidesTheResultShows) {
   for (const auto& change : changes) {
     BakeOptions changed = options;
     change(&changed);
-    EXPECT_FALSE(BakeHere(scene, changed).archive == expected.archive);
+    EXPECT_FALSE(BakeHere(scene, changed)->bytes == expected->bytes);
   }
 }
 
@@ -121,10 +109,10 @@ TEST(BakeSettingsTest, WhatDecidesTheArchiveShowsInItsKey) {
   const Scene scene = Generated("planes");
   BakeOptions options = SmallOptions();
   options.max_layers = 1;
-  const Digest expected = BakeHere(scene, options).report.archive_key;
+  const Digest expected = BakeHere(scene, options)->report.archive_key;
   options.threads = 1;
   options.vertices_per_task = 17;
-  EXPECT_EQ(BakeHere(scene, options).report.archive_key, expected);
+  EXPECT_EQ(BakeHere(scene, options)->report.archive_key, expected);
   const std::function<void(BakeOptions*)> changes[] = {
       [](BakeOptions* o) { o->settings.seed = 2; }, [](BakeOptions* o) { o->max_layers = 0; },
       [](BakeOptions* o) { o->layer_tolerance = 0.5f; },
@@ -132,16 +120,15 @@ TEST(BakeSettingsTest, WhatDecidesTheArchiveShowsInItsKey) {
   for (const auto& change : changes) {
     BakeOptions changed = options;
     change(&changed);
-    const Baked baked = BakeHere(scene, changed);
-    EXPECT_NE(baked.report.archive_key, expected);
-    const Result<Archive> archive = Archive::FromMemory(baked.archive, "archive");
-    ASSERT_TRUE(archive.ok());
-    EXPECT_EQ(archive->archive_key(), baked.report.archive_key);
-    EXPECT_TRUE(baked.report.json.find(baked.report.archive_key.Hex()) != std::string::npos);
+    const auto baked = BakeHere(scene, changed);
+    EXPECT_NE(baked->report.archive_key, expected);
+    ASSERT_TRUE(baked->archive);
+    EXPECT_EQ(baked->archive->archive_key(), baked->report.archive_key);
+    EXPECT_TRUE(baked->report.json.find(baked->report.archive_key.Hex()) != std::string::npos);
   }
   Scene other_camera = Generated("planes");
   other_camera.cameras.at(0).name += "2";
-  EXPECT_NE(BakeHere(other_camera, options).report.archive_key, expected);
+  EXPECT_NE(BakeHere(other_camera, options)->report.archive_key, expected);
 }
 
 TEST(BakeSettingsTest, NumbersOfLayersThatNoArchiveHoldsAreRefused) {
@@ -167,14 +154,11 @@ TEST(BakeSettingsTest, AScenesNameMayBeInAnyEncoding) {
 TEST(BakeSettingsTest, ClassicTablesHoldTheSameSlices) {
   const Scene scene = Generated("planes");
   BakeOptions options = SmallOptions();
-  const Baked compact = BakeHere(scene, options);
+  const auto compact = BakeHere(scene, options);
   options.table_form = TableForm::kClassic;
-  const TempFolder folder;
-  ASSERT_TRUE(BakeScene(scene, "scene", folder / "out.glint", options).ok());
-  EXPECT_TRUE(VerifyArchive(folder / "out.glint").ok());
-  const Result<Archive> a = Archive::FromMemory(compact.archive, "compact");
-  const Result<Archive> b = Archive::Open(folder / "out.glint");
-  ASSERT_TRUE(a.ok() && b.ok());
+  const auto classic = BakeHere(scene, options);
+  const auto &a = compact->archive, &b = classic->archive;
+  ASSERT_TRUE(a && b);
   ASSERT_EQ(a->layers().size(), b->layers().size());
   for (size_t layer = 0; layer < a->layers().size(); ++layer) {
     const SliceTableView &t = a->layers()[layer].specular[0], &u = b->layers()[layer].specular[0];

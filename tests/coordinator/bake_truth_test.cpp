@@ -4,42 +4,20 @@
 
 #include <cmath>
 #include <glm/geometric.hpp>
-#include <memory>
-#include <optional>
 
 #include "common/archive/lobe_codec.h"
 #include "common/base/frame.h"
 #include "common/render/archive_renderer.h"
 #include "common/render/reference.h"
-#include "tests/base/temp_folder.h"
 #include "tests/coordinator/bake_fixture.h"
+#include "tests/coordinator/baked.h"
 
 namespace glint {
 namespace {
 
+using bake_fixture::BakeHere;
 using bake_fixture::Generated;
 using bake_fixture::SmallOptions;
-
-/// An archive just baked, and its report.
-struct Baked {
-  TempFolder folder;
-  std::optional<Archive> archive;
-  BakeReport report;
-};
-
-std::unique_ptr<Baked> BakeHere(const Scene& scene, const BakeOptions& options) {
-  auto baked = std::make_unique<Baked>();
-  const auto path = baked->folder / "out.glint";
-  Result<BakeReport> report = BakeScene(scene, "scene", path, options);
-  EXPECT_TRUE(report.ok()) << report.status().message();
-  const Status verified = VerifyArchive(path);
-  EXPECT_TRUE(verified.ok()) << verified.message();
-  Result<Archive> archive = Archive::Open(path);
-  EXPECT_TRUE(archive.ok()) << archive.status().message();
-  baked->report = std::move(report).value();
-  baked->archive = std::move(archive).value();
-  return baked;
-}
 
 class BakeTruthTest : public testing::TestWithParam<GatherMethod> {};
 

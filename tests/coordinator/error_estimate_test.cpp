@@ -6,40 +6,21 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
-#include <memory>
 #include <nlohmann/json.hpp>
-#include <optional>
 
 #include "common/domain/bare_scene.h"
 #include "common/scene/ray_scene.h"
-#include "tests/base/temp_folder.h"
 #include "tests/coordinator/bake_fixture.h"
+#include "tests/coordinator/baked.h"
 #include "tests/coordinator/relit_error.h"
 
 namespace glint {
 namespace {
 
+using bake_fixture::BakeHere;
 using bake_fixture::Generated;
 using bake_fixture::GeneratedPaint;
 using bake_fixture::SmallOptions;
-
-/// An archive just baked.
-struct Baked {
-  TempFolder folder;
-  std::optional<Archive> archive;
-  BakeReport report;
-};
-
-std::unique_ptr<Baked> BakeHere(const Scene& scene, const BakeOptions& options) {
-  auto baked = std::make_unique<Baked>();
-  Result<BakeReport> report = BakeScene(scene, "scene", baked->folder / "out.glint", options);
-  EXPECT_TRUE(report.ok()) << report.status().message();
-  Result<Archive> archive = Archive::Open(baked->folder / "out.glint");
-  EXPECT_TRUE(archive.ok()) << archive.status().message();
-  baked->report = std::move(report).value();
-  baked->archive = std::move(archive).value();
-  return baked;
-}
 
 ErrorEstimate EstimateOf(const Archive& archive, uint32_t slices, int threads = 2,
                          const ReadOut& read_out = SmallOptions().settings.read_out(),

@@ -12,29 +12,16 @@
 #include "coordinator/spatial/vertex_hierarchy.h"
 #include "tests/base/temp_folder.h"
 #include "tests/coordinator/bake_fixture.h"
+#include "tests/coordinator/baked.h"
 
 namespace glint {
 namespace {
 
+using bake_fixture::BakeHere;
 using bake_fixture::BallOnFloor;
-using bake_fixture::BytesOf;
 using bake_fixture::Generated;
 using bake_fixture::GeneratedPaint;
 using bake_fixture::SmallOptions;
-
-struct Baked {
-  BakeReport report;
-  std::vector<std::byte> archive;
-};
-
-Baked BakeHere(const Scene& scene, const BakeOptions& options) {
-  const TempFolder folder;
-  Result<BakeReport> report = BakeScene(scene, "scene", folder / "out.glint", options);
-  EXPECT_TRUE(report.ok()) << report.status().message();
-  if (!report.ok()) return {};
-  EXPECT_TRUE(VerifyArchive(folder / "out.glint", 1).ok());
-  return {std::move(report).value(), BytesOf(folder / "out.glint")};
-}
 
 BakeOptions Refined(float tolerance) {
   BakeOptions options = SmallOptions();
@@ -46,10 +33,9 @@ BakeOptions Refined(float tolerance) {
 
 TEST(RefineTest, FewVerticesWhereNothingHappensAndManyWhereItDoes) {
   const Scene scene = BallOnFloor();
-  const Baked all = BakeHere(scene, SmallOptions()), refined = BakeHere(scene, Refined(0.1f));
-  const Result<Archive> archive = Archive::FromMemory(refined.archive, "refined");
-  ASSERT_TRUE(archive.ok()) << archive.status().message();
-  const BakeDomain& domain = archive->domain();
+  const auto all = BakeHere(scene, SmallOptions()), refined = BakeHere(scene, Refined(0.1f));
+  ASSERT_TRUE(all->archive && refined->archive);
+  const BakeDomain& domain = refined->archive->domain();
   uint32_t ball = 0, near_floor = 0, far_floor = 0;
   for (uint32_t r = 0; r < domain.row_count(); ++r) {
     const glm::vec3 p = domain.NodePosition(domain.RowNode(r));
@@ -59,7 +45,7 @@ TEST(RefineTest, FewVerticesWhereNothingHappensAndManyWhereItDoes) {
     near_floor += floor && distance < 2;
     far_floor += floor && distance > 3;
   }
-  EXPECT_LT(ball, all.report.vertices / 2) << "a ball's own slices are all the same";
+  EXPECT_LT(ball, all->report.vertices / 2) << "a ball's own slices are all the same";
   EXPECT_GT(near_floor, 12u);
   EXPECT_GT(near_floor, far_floor);
 }
@@ -68,28 +54,28 @@ TEST(RefineTest, ToleranceBuysError) {
   const Scene scene = BallOnFloor();
   BakeOptions coarse = Refined(0.3f), fine = Refined(0.05f);
   coarse.estimate_slices = fine.estimate_slices = 400;
-  const Baked few = BakeHere(scene, coarse), many = BakeHere(scene, fine);
-  EXPECT_GT(many.report.baked_vertices, few.report.baked_vertices);
-  EXPECT_LT(many.report.error->all.rms, few.report.error->all.rms);
+  const auto few = BakeHere(scene, coarse), many = BakeHere(scene, fine);
+  EXPECT_GT(many->report.baked_vertices, few->report.baked_vertices);
+  EXPECT_LT(many->report.error->all.rms, few->report.error->all.rms);
 }
 
 TEST(RefineTest, AtMostSoManyVertices) {
   BakeOptions options = Refined(0.02f);
-  const Baked free = BakeHere(BallOnFloor(), options);
+  const auto free = BakeHere(BallOnFloor(), options);
   options.settings.max_vertices = 150;
-  const Baked bounded = BakeHere(BallOnFloor(), options);
-  EXPECT_GT(free.report.baked_vertices, 150u);
-  EXPECT_LE(bounded.report.baked_vertices, 150u);
+  const auto bounded = BakeHere(BallOnFloor(), options);
+  EXPECT_GT(free->report.baked_vertices, 150u);
+  EXPECT_LE(bounded->report.baked_vertices, 150u);
 }
 
 TEST(RefineTest, EvenSubdivisionHalvesEveryEdge) {
   BakeOptions options = SmallOptions();
   options.settings.subdivide = 1;
   const Scene scene = Generated("planes", 500);
-  const Baked baked = BakeHere(scene, options);
+  const auto baked = BakeHere(scene, options);
   // Each face gives four; nodes are vertices and edges, counted by Euler's formula for two sheets.
   const size_t vertices = scene.positions.size(), faces = scene.triangles.size();
-  EXPECT_EQ(baked.report.baked_vertices, vertices + (vertices + faces - 2));
+  EXPECT_EQ(baked->report.baked_vertices, vertices + (vertices + faces - 2));
   options.settings.spatial_tolerance = 0.1f;
   const TempFolder folder;
   EXPECT_EQ(BakeScene(scene, "scene", folder / "out.glint", options).status().kind(), ErrorKind::kUsage);
@@ -98,12 +84,11 @@ TEST(RefineTest, EvenSubdivisionHalvesEveryEdge) {
 TEST(RefineTest, TheSurfaceStaysAsItIs) {
   const Scene scene = BallOnFloor();
   BakeOptions options = Refined(0);
-  const Baked plain = BakeHere(scene, options);
+  const auto plain = BakeHere(scene, options);
   options.settings.spatial_tolerance = 0.1f;
-  const Baked refined = BakeHere(scene, options);
-  const Result<Archive> a = Archive::FromMemory(plain.archive, "plain"),
-                        b = Archive::FromMemory(refined.archive, "refined");
-  ASSERT_TRUE(a.ok() && b.ok());
+  const auto refined = BakeHere(scene, options);
+  const auto &a = plain->archive, &b = refined->archive;
+  ASSERT_TRUE(a && b);
   EXPECT_FALSE(b->domain().nodes.every_vertex());
   EXPECT_EQ(a->domain().positions, b->domain().positions);
   EXPECT_EQ(a->domain().normals, b->domain().normals);
@@ -119,14 +104,12 @@ TEST(RefineTest, SurvivesBrokenSurfaces) {
   scene.triangles.push_back({first[0], first[0], first[2]});  // and without area
   scene.triangle_material.insert(scene.triangle_material.end(), 3, 0);
   scene.content = HashScene(scene);
-  const Baked baked = BakeHere(scene, Refined(0.1f));
-  ASSERT_FALSE(baked.archive.empty());
-  EXPECT_EQ(baked.report.refinement->non_manifold, 2u);
-  EXPECT_EQ(baked.report.refinement->degenerate, 1u);
-  EXPECT_GE(baked.report.notes.size(), 2u);
-  const Result<Archive> archive = Archive::FromMemory(baked.archive, "broken");
-  ASSERT_TRUE(archive.ok());
-  const BakeDomain& domain = archive->domain();
+  const auto baked = BakeHere(scene, Refined(0.1f));
+  ASSERT_TRUE(baked->archive);
+  EXPECT_EQ(baked->report.refinement->non_manifold, 2u);
+  EXPECT_EQ(baked->report.refinement->degenerate, 1u);
+  EXPECT_GE(baked->report.notes.size(), 2u);
+  const BakeDomain& domain = baked->archive->domain();
   const std::vector<uint32_t> welded = WeldVertices(domain);
   for (const uint32_t v : first)
     EXPECT_EQ(std::count(domain.nodes.rows.begin(), domain.nodes.rows.end(), welded[v]), 1)

@@ -167,20 +167,34 @@ TEST_F(ServeTest, HasWorkersBake) {
                                  "--threads", "1"},
         folder_ / "worker.log");
   };
-  auto worker = start_worker();
+  auto process = start_worker();
   const std::string id = nlohmann::json::parse(Client(Submit({"--json"})).out)["id"];
   // All at once.
   while (StoredFiles(store(), "tasks").size() < 5) Sleep(0.005);
   service_.reset();
-  worker.reset();
+  process.reset();
   nats.KillAndForget();
   nats.Start();
-  worker = start_worker();
+  process = start_worker();
   StartService({"--workers", "--nats", nats.url(), "--lease", "1"});
-  EXPECT_EQ(Client({"watch", id}).exit_code, 0);
+  const ProcessResult watched = Client({"watch", id, "--json"});
+  EXPECT_EQ(watched.exit_code, 0) << watched.err;
   const std::string out = (folder_ / "remote.glint").string();
   ASSERT_EQ(Client({"fetch", id, "-o", out}).exit_code, 0);
   EXPECT_TRUE(BytesOf(out) == Expected());
+
+  // An object a line, which tell who did what; the last one that it is done.
+  std::istringstream lines(watched.out);
+  nlohmann::json bake, worker;
+  for (std::string line; std::getline(lines, line);) {
+    bake = nlohmann::json::parse(line);
+    for (const nlohmann::json& one : bake.value("workers", nlohmann::json::array())) worker = one;
+  }
+  EXPECT_EQ(bake["state"], "done");
+  ASSERT_TRUE(worker.is_object()) << watched.out;
+  EXPECT_NE(worker["name"].get<std::string>().find(":" + std::to_string(process->pid())), std::string::npos);
+  EXPECT_GT(worker["tasks"], 0);
+  EXPECT_GT(worker["seconds"], 0);
 }
 
 // ---- Who may call ----
