@@ -61,7 +61,7 @@ struct ArchiveContent {
   int slice_lobes = 1;  ///< lobes that a slice can have, 1 .. kMaxSliceLobes
   std::vector<LayerViews> layers;
   std::vector<std::vector<std::span<const std::byte>>>
-      layer_bytes;  ///< [layer][slot]: specular slots, then diffuse; then the same of further lobes
+      layer_bytes;          ///< [layer][slot]: specular slots, then diffuse; then the same of further lobes
   std::string report_json;  ///< deterministic part of the bake's report
   Digest archive_key;       ///< hash of everything that went into the archive
 };

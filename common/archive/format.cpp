@@ -149,7 +149,8 @@ Result<Header> DecodeHeader(std::span<const std::byte> file) {
   if (header.grid_level > DirectionGrid::kMaxLevel || header.base_level > header.grid_level ||
       header.layers > kMaxLayers || header.slots > static_cast<uint32_t>(kMaxBrdfLobes) ||
       header.slice_lobes < 1 || header.slice_lobes > static_cast<uint32_t>(kMaxSliceLobes) ||
-      further_direct >= header.slice_lobes || header.vertices > kMaxVertices || header.triangles > kMaxTriangles || header.rows > kMaxVertices) {
+      further_direct >= header.slice_lobes || header.vertices > kMaxVertices ||
+      header.triangles > kMaxTriangles || header.rows > kMaxVertices) {
     return BadInput("header: a count is out of range; bake it again");
   }
   header.direct_lobes = further_direct + 1;
