@@ -158,7 +158,7 @@ Status Publish(const fs::path& out_path, const Scene& scene, const BakeDomain& d
   content.cameras = scene.cameras;
   content.grid_level = options.settings.grid_level;
   content.base_level = options.settings.BaseLevel();
-  content.slice_lobes = static_cast<int>(options.settings.StoredLobes(1));
+  content.slice_lobes = static_cast<int>(options.settings.StoredLobes());
   content.archive_key = report->archive_key;
   for (const Layer& layer : layers) {
     content.layers.push_back(layer.views);

@@ -40,7 +40,7 @@ constexpr std::array<AxisModel, kBakeAxes> kModels = {{
     {ErrorCause::kSpatial, 0.75, 2.6, 2.6},
     {ErrorCause::kAngular, 0.5, 1.6, 2.2},
     {ErrorCause::kRays, 0.7, 2.0, 1.05},
-    {ErrorCause::kLobes, 0.7, 1.5, 1.6},
+    {ErrorCause::kLobes, 0.7, 1.5, 1.3},
     {ErrorCause::kBits, 0.5, 1.1, 1.3},
 }};
 const AxisModel& Model(int axis) { return kModels[static_cast<size_t>(axis)]; }
@@ -64,8 +64,6 @@ constexpr double kAboutTheMesh = 0.7;
 constexpr float kWorthTheMesh = 0.05f;
 
 double Cause(const TargetRound& round, int axis) {
-  if (static_cast<BakeAxis>(axis) == BakeAxis::kLobes)
-    return round.indirect_lobes;  // direct light keeps to one
   return round.cause[static_cast<size_t>(Model(axis).cause)];
 }
 
@@ -144,10 +142,9 @@ double LargestCause(const TargetRound& round) {
   return largest;
 }
 
-/// What no axis can mend: causes of axes that are fixed or at their end, and of lobes of direct light.
+/// What no axis can mend: causes of axes that are fixed or at their end.
 double Floor(const TargetRound& round, const BakeTarget& target) {
-  const double lobes = round.cause[static_cast<size_t>(ErrorCause::kLobes)];
-  double squares = std::max(0.0, lobes * lobes - round.indirect_lobes * round.indirect_lobes);
+  double squares = 0;
   for (int a = 0; a < kBakeAxes; ++a) {
     BakeSettings scratch = round.settings;
     if (target.fixed[a] || !Refine(round, a, &scratch)) squares += Cause(round, a) * Cause(round, a);
@@ -260,15 +257,6 @@ std::string DescribeCauses(const TargetRound& round) {
   return text;
 }
 
-double IndirectLobes(const ErrorEstimate& error) {
-  double squares = 0;
-  for (size_t layer = 1; layer < error.layers.size(); ++layer) {
-    const double part = error.layers[layer].cause[static_cast<size_t>(ErrorCause::kLobes)];
-    squares += part * part;
-  }
-  return std::sqrt(squares);
-}
-
 /// The last round that was kept, which is the best; null if there is none.
 const TargetRound* BestOf(std::span<const TargetRound> rounds) {
   for (size_t i = rounds.size(); i > 0; --i)
@@ -288,7 +276,6 @@ Json ToJson(const TargetRound& round) {
   return {{"settings", SettingsToJson(round.settings)},
           {"error", round.error},
           {"cause", round.cause},
-          {"indirect_lobes", round.indirect_lobes},
           {"seconds", round.seconds},
           {"bytes", round.bytes},
           {"mesh_vertices", round.mesh_vertices},
@@ -304,7 +291,6 @@ std::optional<TargetRound> RoundFromJson(const Json& json) {
     round.settings = *settings;
     json.at("error").get_to(round.error);
     json.at("cause").get_to(round.cause);
-    json.at("indirect_lobes").get_to(round.indirect_lobes);
     json.at("seconds").get_to(round.seconds);
     json.at("bytes").get_to(round.bytes);
     json.at("mesh_vertices").get_to(round.mesh_vertices);
@@ -458,7 +444,6 @@ class TargetBake {
     round.settings = settings;
     round.error = report.error->all.rms;
     round.cause = report.error->all.cause;
-    round.indirect_lobes = IndirectLobes(*report.error);
     round.seconds = seconds;
     round.bytes = report.archive_bytes;
     round.mesh_vertices = static_cast<double>(report.vertices) /

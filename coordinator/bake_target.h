@@ -19,7 +19,6 @@ struct TargetRound {
   BakeSettings settings;
   double error = 0;                          ///< ErrorSummary::rms of all layers
   std::array<double, kErrorCauses> cause{};  ///< the same summary's
-  double indirect_lobes = 0;                 ///< what of ErrorCause::kLobes the layers above 0 cause
   double seconds = 0;                        ///< wall time
   uint64_t bytes = 0;                        ///< of the archive
   double mesh_vertices = 0;                  ///< of the mesh, in units of those baked

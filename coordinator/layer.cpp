@@ -245,7 +245,7 @@ Result<Layer> MergeLayer(ChunkStore& store, std::span<const TaskSpec> tasks, con
                          const DirectionGrid& grid, const BakeSettings& settings, TableForm form,
                          int threads) {
   const int layer_index = tasks.front().layer;
-  const SlotLayout layout{static_cast<uint32_t>(domain.max_lobes()), settings.StoredLobes(layer_index)};
+  const SlotLayout layout{static_cast<uint32_t>(domain.max_lobes()), settings.StoredLobes()};
   const uint32_t slots = layout.count();
   GLINT_ASSIGN_OR_RETURN(std::vector<BlockResult> blocks,
                          ReadChunks(store, tasks, layout, kDirectEntryBytes, threads));

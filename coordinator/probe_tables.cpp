@@ -26,6 +26,15 @@ std::vector<std::byte> MakeTable(const BlockRows& rows, uint32_t columns, const 
 
 }  // namespace
 
+std::vector<DirectLobe> ReadOutDirect(const PathFan& fan, const ReadOut& read_out) {
+  const VisibleParts parts = DirectPartsOf(fan, read_out);
+  std::vector<DirectLobe> lobes;
+  for (int i = 0; i < parts.count; ++i) lobes.push_back(DirectLobeOf(fan.lobe, parts.part[i]));
+  if (!lobes.empty()) return lobes;
+  const auto whole = FitDirect(fan.lobe, DirectMomentsOf(fan), read_out.drop);
+  return whole ? std::vector<DirectLobe>{*whole} : std::vector<DirectLobe>{};
+}
+
 std::vector<IndirectLobe> ReadOutIndirect(const SliceLobe& lobe, const ReadOut& read_out, FanLight* light) {
   const IndirectMoments moments = light->Moments();
   std::vector<IndirectLobe> lobes;
@@ -41,10 +50,9 @@ ProbeTables::ProbeTables(int layers, int max_lobes, uint32_t columns, const Read
     : columns_(columns),
       never_absent_(columns),
       read_out_(read_out),
-      indirect_layout_{static_cast<uint32_t>(max_lobes), static_cast<uint32_t>(read_out.slice_lobes)},
+      layout_{static_cast<uint32_t>(max_lobes), static_cast<uint32_t>(read_out.slice_lobes)},
       blocks_(layers) {
-  for (BlockResult& block : blocks_)
-    block.slots.resize(&block == blocks_.data() ? indirect_layout_.stride() : indirect_layout_.count());
+  for (BlockResult& block : blocks_) block.slots.resize(layout_.count());
 }
 
 ProbeTables::ProbeTables(int layers, int max_lobes, const DirectionGrid& nested, const ReadOut& read_out)
@@ -60,13 +68,16 @@ void ProbeTables::BeginRow() {
 
 void ProbeTables::Add(int slot, uint16_t column, const PathFan& fan, std::span<FanLight> indirect,
                       std::span<const uint8_t> wanted) {
-  const uint32_t first =
-      slot == PathFanTracer::kDiffuse ? indirect_layout_.specular : static_cast<uint32_t>(slot);
+  const uint32_t first = slot == PathFanTracer::kDiffuse ? layout_.specular : static_cast<uint32_t>(slot);
   const bool said = slot != PathFanTracer::kDiffuse && column >= never_absent_;
   if (wanted[0]) {
-    auto lobe = FitDirect(fan.lobe, DirectMomentsOf(fan), read_out_.drop);
-    if (!lobe && said) lobe.emplace();
-    StoreDirect(lobe, column, &blocks_[0].slots[first]);
+    std::vector<DirectLobe> lobes = ReadOutDirect(fan, read_out_);
+    if (lobes.empty() && said) lobes.emplace_back();
+    BlockRows* rows = &blocks_[0].slots[first];
+    for (const DirectLobe& lobe : lobes) {
+      StoreDirect(lobe, column, rows);
+      rows += layout_.stride();
+    }
   }
   for (size_t layer = 1; layer < blocks_.size(); ++layer) {
     if (!wanted[layer]) continue;
@@ -75,7 +86,7 @@ void ProbeTables::Add(int slot, uint16_t column, const PathFan& fan, std::span<F
     BlockRows* rows = &blocks_[layer].slots[first];
     for (const IndirectLobe& lobe : lobes) {
       StoreIndirect(lobe, column, rows);
-      rows += indirect_layout_.stride();
+      rows += layout_.stride();
     }
   }
 }
@@ -84,16 +95,16 @@ ProbeTables::LayerTables ProbeTables::Finish(int layer, const LayerViews& like) 
   LayerTables tables;
   const std::vector<BlockRows>& slots = blocks_[layer].slots;
   for (uint32_t slot = 0; slot < slots.size(); ++slot) {
-    const bool diffuse = indirect_layout_.is_diffuse(slot);
-    const uint32_t lobe = std::min(slot / indirect_layout_.stride(), like.lobes() - 1);
-    const SliceTableView& table = like.table(lobe, slot % indirect_layout_.stride());
+    const bool diffuse = layout_.is_diffuse(slot);
+    const uint32_t lobe = std::min(slot / layout_.stride(), like.lobes() - 1);
+    const SliceTableView& table = like.table(lobe, slot % layout_.stride());
     tables.bytes.push_back(MakeTable(slots[slot], diffuse ? kSides : columns_,
                                      {layer == 0, table.entry_bytes()},
                                      nested_ && !diffuse ? TableForm::kSegmented : kDefaultTableForm));
   }
   tables.views.nested = nested_;
   for (uint32_t slot = 0; slot < slots.size(); ++slot)
-    tables.views.Add(slot / indirect_layout_.stride(), indirect_layout_.is_diffuse(slot),
+    tables.views.Add(slot / layout_.stride(), layout_.is_diffuse(slot),
                      *SliceTableView::Parse(tables.bytes[slot]));
   return tables;
 }

@@ -13,6 +13,8 @@
 
 namespace glint {
 
+/// What is visible of a fan's lobe is stored as; empty if nothing blocks it.
+std::vector<DirectLobe> ReadOutDirect(const PathFan& fan, const ReadOut& read_out);
 /// What a fan's light of a layer above 0 is stored as; empty if as nothing.
 std::vector<IndirectLobe> ReadOutIndirect(const SliceLobe& lobe, const ReadOut& read_out, FanLight* light);
 
@@ -45,7 +47,7 @@ class ProbeTables {
   uint32_t never_absent_;  ///< from this column on, slices that are free or dark are said to be so
   bool nested_ = false;
   ReadOut read_out_;
-  SlotLayout indirect_layout_;
+  SlotLayout layout_;
   std::vector<BlockResult> blocks_;  ///< of layers
 };
 

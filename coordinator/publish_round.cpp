@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "common/archive/archive.h"
+#include "common/archive/chunk.h"
 #include "common/archive/lobe_codec.h"
 #include "common/archive/row_sums.h"
 #include "common/archive/slice_table.h"
@@ -28,10 +29,10 @@ RoundManifest MakeManifest(const ExecutorInput& bake, const Round& round) {
 /// Tables of a direct layer without entries. An archive's first layer is the direct one, which no round after
 /// the next one reads.
 std::vector<std::vector<std::byte>> EmptyDirectLayer(const ExecutorInput& bake) {
-  const auto slots = static_cast<uint32_t>(bake.domain.max_lobes()) + 1;
+  const SlotLayout layout{static_cast<uint32_t>(bake.domain.max_lobes()), bake.settings.StoredLobes()};
   std::vector<std::vector<std::byte>> tables;
-  for (uint32_t slot = 0; slot < slots; ++slot) {
-    const uint32_t columns = slot + 1 < slots ? bake.grid.size() : 2;
+  for (uint32_t slot = 0; slot < layout.count(); ++slot) {
+    const uint32_t columns = layout.is_diffuse(slot) ? 2 : bake.grid.size();
     tables.push_back(SliceTableBuilder(bake.domain.row_count(), columns, kDirectEntryBytes).Finish());
   }
   return tables;
@@ -44,7 +45,7 @@ Status WriteInput(const ExecutorInput& bake, const RoundManifest& manifest, cons
   content.domain = &bake.domain;
   content.grid_level = bake.grid.level();
   content.base_level = bake.grid.base_level();
-  content.slice_lobes = static_cast<int>(bake.settings.StoredLobes(1));
+  content.slice_lobes = static_cast<int>(bake.settings.StoredLobes());
   content.archive_key = manifest.InputKey();
   if (manifest.layer > 1) {
     empty = EmptyDirectLayer(bake);

@@ -96,11 +96,13 @@ void AddPaths(const PathFan& fan, const glm::vec3& weight, const TestSlice& slic
 /// @param lobe  the unoccluded one as the archive reads it
 void AddReadOut(const PathFan& fan, std::span<FanLight> light, const TransferLobe& lobe,
                 const ReadOut& read_out, const TestSlice& slice, std::vector<SkyLight>* out) {
-  const DirectLobe direct = FitDirect(fan.lobe, DirectMomentsOf(fan), 0).value_or(DirectLobe{});
-  if (direct.fraction > 0)
-    AddReflected({lobe.alpha * direct.fraction, UnitOr(lobe.mu + direct.shift, lobe.mu),
-                  std::min(lobe.kappa * direct.kappa_ratio, kMaxKappa), lobe.cosine},
-                 slice.point.normal, slice.skies, &(*out)[0]);
+  std::vector<DirectLobe> visible = ReadOutDirect(fan, read_out);
+  if (visible.empty()) visible.emplace_back();
+  for (const DirectLobe& direct : visible)
+    if (direct.fraction > 0)
+      AddReflected({lobe.alpha * direct.fraction, UnitOr(lobe.mu + direct.shift, lobe.mu),
+                    std::min(lobe.kappa * direct.kappa_ratio, kMaxKappa), lobe.cosine},
+                   slice.point.normal, slice.skies, &(*out)[0]);
   for (size_t layer = 1; layer < out->size(); ++layer)
     for (const IndirectLobe& read : ReadOutIndirect(fan.lobe, read_out, &light[layer]))
       AddReflected({lobe.alpha * read.alpha, read.mu, read.kappa, false}, slice.point.normal, slice.skies,

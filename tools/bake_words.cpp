@@ -102,7 +102,9 @@ void AddAccuracyWords(CLI::App& app, BakeOptions& options) {
       ->each(fixes(BakeAxis::kLobes))
       ->type_name("N");
   add("--lobe-tolerance", settings.lobe_tolerance,
-      "shared: no further lobe of a slice for less than this error, relative to its light")
+      "shared: no further lobe of a slice for less than this error, relative to its light; of direct light, "
+      "a "
+      "tenth of it, relative to the unoccluded lobe")
       ->check(NumberRange(0, 1))
       ->type_name("X");
   add("--drop", settings.drop, "Leave out slices that change the light by less than this")

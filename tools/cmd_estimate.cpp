@@ -34,8 +34,8 @@ Status RunEstimate(const EstimateWords& words, const CommonWords& common) {
   EstimateOptions options = words.options;
   options.threads = common.threads;
   TakeSettings(ParseReport(archive.report_json()), &options);
-  if (archive.layers().size() > 1)
-    options.read_out.slice_lobes = static_cast<int>(archive.layers()[1].lobes());
+  if (!archive.layers().empty())
+    options.read_out.slice_lobes = static_cast<int>(archive.layers().back().lobes());
   const RayScene rays(BareScene(archive.domain()));
   const DirectionGrid grid = archive.MakeGrid();
   GLINT_ASSIGN_OR_RETURN(const ErrorEstimate estimate,

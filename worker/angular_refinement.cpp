@@ -84,20 +84,26 @@ void AngularRefinement::Compute(const RefinedSide& side, uint32_t direction) {
   }
   for (uint32_t slot = 0; slot < static_cast<uint32_t>(side.lobes); ++slot) {
     state_[at(direction, slot)] = kStored;
-    value_[at(direction, slot)] = Measure(direction, slot);
+    value_[at(direction, slot)] = Measure(direction, slot, side.kappa);
   }
 }
 
-EntryLight AngularRefinement::Measure(uint32_t direction, uint32_t slot) const {
+EntryLight AngularRefinement::Measure(uint32_t direction, uint32_t slot, float kappa) const {
   const std::byte* bytes = Entry(direction, slot);
-  if (direct_) {
-    return LightOf(bytes ? DecodeDirect(bytes) : DirectLobe{});
-  }
+  if (direct_ && !bytes) return LightOf(DirectLobe{});
   EntryLight sums;
+  DirectWidth width;
   for (; bytes; bytes = slot < layout_.count() ? Entry(direction, slot) : nullptr) {
-    sums.Add(LightOf(DecodeIndirect(bytes)));
+    if (direct_) {
+      const DirectLobe lobe = DecodeDirect(bytes);
+      sums.Add(LightOf(lobe));
+      width.Add(lobe);
+    } else {
+      sums.Add(LightOf(DecodeIndirect(bytes)));
+    }
     slot += layout_.stride();
   }
+  if (width.lobes() > 1) sums.alpha.z = width.Light(kappa);
   return sums;
 }
 
@@ -108,7 +114,7 @@ const EntryLight& AngularRefinement::Value(const RefinedSide& side, uint32_t dir
   known_.push_back(direction);
   state_[at(direction, slot)] = kPredicted;
   const bool base = direction < DirectionGrid::SizeOf(grid_.base_level());  // under the horizon
-  return value = base ? Measure(direction, slot) : Predict(side, direction, slot);
+  return value = base ? Measure(direction, slot, side.kappa) : Predict(side, direction, slot);
 }
 
 EntryLight AngularRefinement::Predict(const RefinedSide& side, uint32_t direction, uint32_t slot) {

@@ -50,7 +50,7 @@ class AngularRefinement {
   bool Above(const RefinedSide& side, uint32_t direction) const;
   void Compute(const RefinedSide& side, uint32_t direction);
   bool Misses(const RefinedSide& side, uint32_t direction, int level);
-  EntryLight Measure(uint32_t direction, uint32_t slot) const;
+  EntryLight Measure(uint32_t direction, uint32_t slot, float kappa) const;
   const EntryLight& Value(const RefinedSide& side, uint32_t direction, uint32_t slot);
   EntryLight Predict(const RefinedSide& side, uint32_t direction, uint32_t slot);
   void Activate(uint32_t direction, int level);

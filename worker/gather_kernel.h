@@ -73,6 +73,12 @@ struct LightSums {
 
 inline constexpr int kMaxLightGroups = 4;
 
+/// A lobe that samples are shared with in proportion to factor * weight.
+struct SharingLobe {
+  LobeWeight weight;
+  float factor;
+};
+
 /// The loops for one instruction set. Every level adds in the same order; they differ in fused multiply-adds
 /// only.
 struct GatherKernels {
@@ -92,11 +98,21 @@ struct GatherKernels {
   void (*list_lobe)(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w,
                     LightList* out);
   void (*list_cosine)(const SampleArrays& s, const uint16_t* tiles, int count, LightList* out);
+  /// Lists what is not blocked, as white light, without its colour channels. The list has room for all
+  /// samples.
+  void (*list_visible_lobe)(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w,
+                            LightList* out);
+  void (*list_visible_cosine)(const SampleArrays& s, const uint16_t* tiles, int count, LightList* out);
   /// Sum of strength * d d^T over a list, d = moment / strength - mean: xx, xy, xz, yy, yz, zz.
   void (*spread)(const LightList& list, const float mean[3], float out[6]);
   /// Sums the samples by the nearest of kMaxLightGroups centres, the first of equals.
   void (*group)(const LightList& list, const float centres[kMaxLightGroups][3], bool colour,
                 LightSums out[kMaxLightGroups]);
+  /// Shares each sample of unit directions among `lobes` lobes, and sums the shares, without colours. What
+  /// lies far beyond all of them is lost.
+  void (*share)(const LightList& list, const SharingLobe* lobe, int lobes, LightSums out[kMaxLightGroups]);
+  /// Sum over the same samples and lobes of strength * factor * weight.
+  float (*overlap)(const LightList& list, const SharingLobe* lobe, int lobes);
 };
 
 extern const GatherKernels kGatherKernelsBase;

@@ -141,6 +141,31 @@ void ListCosine(const SampleArrays& s, const uint16_t* tiles, int count, LightLi
   ListTiles(s, tiles, count, CosineWeigher{}, out);
 }
 
+template <class Weigher>
+inline void ListVisibleTiles(const SampleArrays& s, const uint16_t* tiles, int count, const Weigher& weigher,
+                             LightList* out) {
+  out->count = 0;
+  for (int t = 0; t < count; ++t)
+    for (uint32_t i = s.tile_begin[tiles[t]]; i < s.tile_begin[tiles[t] + 1]; i += kLanes) {
+      const Floats x = Load(s.x + i), y = Load(s.y + i), z = Load(s.z + i);
+      const Floats strength = weigher(x, y, z) * Load(s.solid_angle + i) * (1.0f - Load(s.blocked + i));
+      if (!(Sum(strength) > 0)) continue;
+      Store(out->channel[0] + out->count, strength);
+      Store(out->channel[1] + out->count, strength * x);
+      Store(out->channel[2] + out->count, strength * y);
+      Store(out->channel[3] + out->count, strength * z);
+      out->count += kLanes;
+    }
+}
+
+void ListVisibleLobe(const SampleArrays& s, const uint16_t* tiles, int count, const LobeWeight& w, LightList* out) {
+  ListVisibleTiles(s, tiles, count, LobeWeigher(w), out);
+}
+
+void ListVisibleCosine(const SampleArrays& s, const uint16_t* tiles, int count, LightList* out) {
+  ListVisibleTiles(s, tiles, count, CosineWeigher{}, out);
+}
+
 void Spread(const LightList& list, const float mean[3], float out[6]) {
   Floats sum[6] = {};
   for (int i = 0; i < list.count; i += kLanes) {
@@ -198,6 +223,40 @@ void Group(const LightList& list, const float centres[kMaxLightGroups][3], bool 
   } else {
     GroupChannels<4>(list, centres, out);
   }
+}
+
+void Share(const LightList& list, const SharingLobe* lobe, int lobes, LightSums out[kMaxLightGroups]) {
+  constexpr float kNothing = 1e-30f;  // no division by 0 beyond all lobes
+  Floats sum[kMaxLightGroups][4] = {};
+  for (int i = 0; i < list.count; i += kLanes) {
+    Floats value[4], share[kMaxLightGroups], total = Splat(kNothing);
+    for (int c = 0; c < 4; ++c) value[c] = Load(list.channel[c] + i);
+    const Floats inverse = 1.0f / (value[0] > 0.0f ? value[0] : Splat(1));
+    const Floats x = value[1] * inverse, y = value[2] * inverse, z = value[3] * inverse;
+    for (int g = 0; g < lobes; ++g) {
+      share[g] = lobe[g].factor * LobeWeigher(lobe[g].weight)(x, y, z);
+      total += share[g];
+    }
+    const Floats scale = 1.0f / total;
+    for (int g = 0; g < lobes; ++g)
+      for (int c = 0; c < 4; ++c) sum[g][c] += share[g] * scale * value[c];
+  }
+  for (int g = 0; g < lobes; ++g) {
+    out[g].strength = Sum(sum[g][0]);
+    for (int c = 0; c < 3; ++c) out[g].moment[c] = Sum(sum[g][1 + c]);
+  }
+}
+
+float Overlap(const LightList& list, const SharingLobe* lobe, int lobes) {
+  Floats sum = {};
+  for (int i = 0; i < list.count; i += kLanes) {
+    const Floats strength = Load(list.channel[0] + i);
+    const Floats inverse = 1.0f / (strength > 0.0f ? strength : Splat(1));
+    const Floats x = Load(list.channel[1] + i) * inverse, y = Load(list.channel[2] + i) * inverse,
+                 z = Load(list.channel[3] + i) * inverse;
+    for (int g = 0; g < lobes; ++g) sum += strength * lobe[g].factor * LobeWeigher(lobe[g].weight)(x, y, z);
+  }
+  return Sum(sum);
 }
 
 inline uint32_t SignMask(const Floats& v) {
@@ -266,7 +325,11 @@ const GatherKernels GLINT_KERNELS = {GLINT_KERNEL_LEVEL,
                                      SumCosine<IndirectAccumulator, IndirectSums>,
                                      ListLobe,
                                      ListCosine,
+                                     ListVisibleLobe,
+                                     ListVisibleCosine,
                                      Spread,
-                                     Group};
+                                     Group,
+                                     Share,
+                                     Overlap};
 
 }  // namespace glint

@@ -18,6 +18,7 @@
 #include "common/base/parallel.h"
 #include "common/domain/bake_settings.h"
 #include "common/lobes/vmf.h"
+#include "worker/slice_lobes.h"
 
 namespace glint {
 namespace {
@@ -62,6 +63,20 @@ int16_t EncodeSnorm(float x) {
 float MeanCosine(float kappa) {
   // Beyond kappa = 12 the hyperbolic cotangent is 1 to the last bit of a float.
   return kappa > 12 ? 1 - 1 / kappa : MeanCosineFromKappa(kappa);
+}
+
+/// Decodes the lobes of a slice; returns how many there are.
+/// @param stored  the first of them
+template <class Lobe, class Decode>
+uint32_t ReadLobes(const LayerViews& views, uint32_t slot, uint32_t v, uint32_t column,
+                   const std::byte* stored, std::array<Lobe, kMaxSliceLobes>* lobes, const Decode& decode) {
+  uint32_t count = 0;
+  while (stored) {
+    (*lobes)[count] = decode(stored, views.table(count, slot).entry_bytes());
+    ++count;
+    stored = count < views.lobes() ? views.table(count, slot).Find(v, column) : nullptr;
+  }
+  return count;
 }
 
 }  // namespace
@@ -145,22 +160,35 @@ void LayerLight::PackSurface() {
   for (uint32_t r = 0; r < domain_.row_count(); ++r) row_.push_back({domain_.Row(r).normal, nothing});
 }
 
+/// The unoccluded lobe that a slice of layer 0 is relative to.
+Vmf LayerLight::Whole(uint32_t slot, uint32_t v, uint32_t column) const {
+  const BakeVertex vertex = domain_.Row(v);
+  if (slot == static_cast<uint32_t>(lobes_))
+    return {column == 0 ? vertex.normal : -vertex.normal, kCosineKappa};
+  const glm::vec3& wo = grid_.direction(column);
+  const SliceSampler& sampler = samplers_[vertex.shape];
+  const UnoccludedSlice slice(sampler, glm::dot(vertex.normal, wo) > 0 ? vertex.normal : -vertex.normal, wo);
+  const BrdfLobe seen = slice.Seen(sampler, static_cast<int>(slot));
+  return {slice.Direction(seen), seen.kappa};
+}
+
 LayerLight::Entry LayerLight::Pack(const LayerViews& views, uint32_t slot, uint32_t v, uint32_t column,
                                    const std::byte* stored) const {
   if (layer_ == 0) {
-    const DirectLobe lobe = DecodeDirect(stored, views.table(0, slot).entry_bytes());
+    std::array<DirectLobe, kMaxSliceLobes> lobes;
+    const uint32_t count =
+        ReadLobes(views, slot, v, column, stored, &lobes,
+                  [](const std::byte* entry, uint32_t bytes) { return DecodeDirect(entry, bytes); });
+    const DirectLobe lobe = count == 1 ? lobes[0] : MergeLobes({lobes.data(), count}, Whole(slot, v, column));
     return {{EncodeHalf(lobe.fraction), EncodeHalf(lobe.fraction * lobe.kappa_ratio), 0, 0},
             {EncodeSnorm(0.5f * lobe.shift.x), EncodeSnorm(0.5f * lobe.shift.y),
              EncodeSnorm(0.5f * lobe.shift.z)},
             EncodeHalf(lobe.fraction)};
   }
   std::array<IndirectLobe, kMaxSliceLobes> lobes;
-  uint32_t count = 0;
-  while (stored) {
-    lobes[count] = DecodeIndirect(stored, views.table(count, slot).entry_bytes());
-    ++count;
-    stored = count < views.lobes() ? views.table(count, slot).Find(v, column) : nullptr;
-  }
+  const uint32_t count =
+      ReadLobes(views, slot, v, column, stored, &lobes,
+                [](const std::byte* entry, uint32_t bytes) { return DecodeIndirect(entry, bytes); });
   const IndirectLobe lobe = count == 1 ? lobes[0] : MergeLobes({lobes.data(), count});
   const float strength = Luminance(lobe.alpha);
   const float spread = strength * (lobe.kappa > 0 ? DeltaFromKappa(lobe.kappa) : 1.0f) * kDeltaScale;

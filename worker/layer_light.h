@@ -17,6 +17,7 @@
 #include "common/domain/direction_grid.h"
 #include "common/domain/facet_rows.h"
 #include "common/lobes/slice_sampler.h"
+#include "common/lobes/vmf.h"
 
 namespace glint {
 
@@ -97,6 +98,7 @@ class LayerLight {
                      std::vector<Entry>* slices) const;
   static Entry Mean(const Entry& a, const Entry& b);
   std::vector<Entry> PackRow(const std::vector<Entry>& slices) const;
+  Vmf Whole(uint32_t slot, uint32_t v, uint32_t column) const;
   /// A slice as one entry, however many lobes it has.
   /// @param stored  the first of them
   Entry Pack(const LayerViews& views, uint32_t slot, uint32_t v, uint32_t column,

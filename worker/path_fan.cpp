@@ -140,6 +140,17 @@ DirectMoments DirectMomentsOf(const PathFan& fan) {
   return {1 - h, (1 - h) * r * glm::dvec3(fan.lobe.mu) + h * (all_mean / leaving - blocked_mean / blocked)};
 }
 
+VisibleParts DirectPartsOf(const PathFan& fan, const ReadOut& read_out) {
+  LightSamples samples;
+  const auto see = [&] {
+    for (const FanPath& path : fan.paths)
+      if (path.leaves && !path.hit.hit()) samples.Add(glm::vec3(1), path.direction);
+    return VisibleLight{samples.List(), samples.total()};
+  };
+  return SplitDirect(SelectGatherKernels(), DirectMomentsOf(fan), fan.lobe, read_out, see,
+                     [](const glm::dvec3& v) { return v; });
+}
+
 IndirectMoments FanLight::Moments() const {
   if (leaving <= 0) return {};
   LightGroup mean = samples.total();

@@ -12,6 +12,7 @@
 #include "worker/light_groups.h"
 #include "worker/slice_encoder.h"
 #include "worker/surface_vertices.h"
+#include "worker/visible_parts.h"
 
 namespace glint {
 
@@ -87,6 +88,8 @@ glm::vec3 SampleCosine(const glm::vec3& normal, const glm::vec2& u);
 /// Moments of a fan's direct light, as gathering takes them: over paths that leave the surface. Nothing is
 /// visible where none does.
 DirectMoments DirectMomentsOf(const PathFan& fan);
+/// The parts that the slice is stored as.
+VisibleParts DirectPartsOf(const PathFan& fan, const ReadOut& read_out);
 /// Light that comes after `layer` further reflections, and how many paths leave the surface: what it is
 /// relative to.
 struct FanLight {

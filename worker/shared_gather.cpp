@@ -23,6 +23,7 @@
 #include "worker/layer_light.h"
 #include "worker/light_groups.h"
 #include "worker/slice_encoder.h"
+#include "worker/visible_parts.h"
 
 namespace glint {
 namespace {
@@ -84,7 +85,7 @@ class SharedGatherer : public Gatherer {
 
   void BeginLayer(int layer, const LayerViews* previous, int threads,
                   std::span<const uint64_t> row_sums) override {
-    layout_.slice_lobes = settings_.StoredLobes(layer);
+    layout_.slice_lobes = settings_.StoredLobes();
     light_.reset();
     if (layer > 0)
       light_ =
@@ -206,7 +207,13 @@ class SharedGatherer : public Gatherer {
         all = sums.all;
         const DirectMoments moments =
             ToMoments(sums, side, lobe.mu, 1 - DeltaFromKappa(lobe.resolved_kappa()));
-        StoreDirect(FitDirect(lobe, moments, settings_.drop), column, &result->slots[k]);
+        StoreDirectSlice(
+            lobe, moments, sums, column, static_cast<uint32_t>(k), side,
+            [&](LightList* out) {
+              const int count = kernels_.select_tiles(side.lattice->cones(), cone, scratch->tiles.data());
+              kernels_.list_visible_lobe(side.arrays, scratch->tiles.data(), count, weight, out);
+            },
+            scratch, result);
       } else {
         if (all < 0) {
           all = SumDirect(side, cone, weight, scratch).all;
@@ -244,6 +251,35 @@ class SharedGatherer : public Gatherer {
                     &result->slots[static_cast<uint32_t>(g) * layout_.stride() + slot]);
   }
 
+  /// Stores a direct slice as the lobes that it is worth.
+  /// @param sums  over all its samples
+  /// @param list  lists what is visible
+  template <class List>
+  void StoreDirectSlice(const SliceLobe& lobe, const DirectMoments& moments, const DirectSums& sums,
+                        uint16_t column, uint32_t slot, const Side& side, const List& list, Scratch* scratch,
+                        BlockResult* result) const {
+    const auto see = [&] {
+      VisibleLight light{scratch->List(side.samples->samples()), VisibleOf(sums)};
+      list(&light.list);
+      return light;
+    };
+    const auto to_world = [&](const glm::dvec3& v) { return glm::dvec3(side.frame.ToWorld(glm::vec3(v))); };
+    const VisibleParts parts = SplitDirect(kernels_, moments, lobe, settings_.read_out(), see, to_world);
+    if (parts.count == 0) StoreDirect(FitDirect(lobe, moments, settings_.drop), column, &result->slots[slot]);
+    for (int g = 0; g < parts.count; ++g)
+      StoreDirect(DirectLobeOf(lobe, parts.part[g]), column,
+                  &result->slots[static_cast<uint32_t>(g) * layout_.stride() + slot]);
+  }
+
+  /// What is not blocked, as white light.
+  static LightGroup VisibleOf(const DirectSums& sums) {
+    const double strength = double{sums.all} - double{sums.blocked};
+    return {strength,
+            glm::dvec3(sums.all_x, sums.all_y, sums.all_z) -
+                glm::dvec3(sums.blocked_x, sums.blocked_y, sums.blocked_z),
+            glm::dvec3(strength)};
+  }
+
   /// Writes the active tiles that a cone meets to scratch->tiles; returns how many.
   int SelectActive(const Side& side, const QueryCone& cone, Scratch* scratch) const {
     uint16_t* tiles = scratch->tiles.data();
@@ -278,8 +314,13 @@ class SharedGatherer : public Gatherer {
     if (!light_) {
       const DirectSums sums = SumDirectCosine(side);
       *all = sums.all;
-      StoreDirect(FitDirect(lobe, ToMoments(sums, side, lobe.mu, mean_cosine), settings_.drop), column,
-                  &result->slots[slot]);
+      StoreDirectSlice(
+          lobe, ToMoments(sums, side, lobe.mu, mean_cosine), sums, column, slot, side,
+          [&](LightList* out) {
+            const std::vector<uint16_t>& tiles = side.lattice->all_tiles();
+            kernels_.list_visible_cosine(side.arrays, tiles.data(), static_cast<int>(tiles.size()), out);
+          },
+          scratch, result);
     } else {
       const std::vector<uint16_t>& tiles = side.samples->active_tiles();
       IndirectSums sums;

@@ -46,7 +46,7 @@ Header MakeHeader(const ArchiveContent& content) {
   header.base_level = static_cast<uint32_t>(std::min(content.base_level, content.grid_level));
   header.layers = static_cast<uint32_t>(content.layer_bytes.size());
   header.slots = LargestLobeCount(content.domain->shapes);
-  header.slice_lobes = static_cast<uint32_t>(content.slice_lobes);
+  header.slice_lobes = header.direct_lobes = static_cast<uint32_t>(content.slice_lobes);
   header.vertices = content.domain->positions.size();
   header.triangles = content.domain->triangles.size();
   header.rows = content.domain->row_count();

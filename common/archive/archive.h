@@ -27,7 +27,7 @@ struct LobeTables {
 /// sum of its lobes.
 struct LayerViews : LobeTables {
   /// Second, third, ... lobes of the slices that have them; nothing has an n-th lobe but what has those
-  /// before. None in layer 0.
+  /// before.
   std::vector<LobeTables> further;
   /// Slices of directions beyond the grid's base level are predicted where they are absent (nested.h).
   bool nested = false;
@@ -58,10 +58,10 @@ struct ArchiveContent {
   int grid_level = 3;
   /// DirectionGrid's; below grid_level: specular slices beyond it are predicted where they are absent
   int base_level = DirectionGrid::kMaxLevel;
-  int slice_lobes = 1;  ///< lobes that a slice of the layers above 0 can have, 1 .. kMaxSliceLobes
+  int slice_lobes = 1;  ///< lobes that a slice can have, 1 .. kMaxSliceLobes
   std::vector<LayerViews> layers;
   std::vector<std::vector<std::span<const std::byte>>>
-      layer_bytes;  ///< [layer][slot]: specular slots, then diffuse; above 0 then the same of further lobes
+      layer_bytes;          ///< [layer][slot]: specular slots, then diffuse; then the same of further lobes
   std::string report_json;  ///< deterministic part of the bake's report
   Digest archive_key;       ///< hash of everything that went into the archive
 };

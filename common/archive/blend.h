@@ -43,6 +43,14 @@ class DirectBlend {
     fraction_ += weight;
     kappa_ratio_ += weight;
   }
+  /// That part of another blend: what its corners have in common.
+  void AddPart(float part, const DirectBlend& other) {
+    fraction_ += part * other.fraction_;
+    shift_ += part * other.shift_;
+    kappa_ratio_ += part * other.kappa_ratio_;
+    stored_ = true;
+  }
+  float fraction() const { return fraction_; }
   DirectLobe Lobe() const {
     if (!stored_) return {};
     if (fraction_ <= 0) return {.fraction = 0};
@@ -53,6 +61,82 @@ class DirectBlend {
   float fraction_ = 0, kappa_ratio_ = 0;
   glm::vec3 shift_{0};
   bool stored_ = false;
+};
+
+/// Direct lobes of corners of which some have several. The corner with the most light in several lobes says
+/// which there are; those of other such corners go with the nearest of these, and corners with one lobe, or
+/// none, which nothing blocks, are dealt out to all of them in proportion. So light and first moment are
+/// those of the corners, interpolated, whatever goes with what; and where corners of several lobes lose their
+/// weight, the lobes become that of the others.
+class SeveralBlend {
+ public:
+  void AddFree(float weight) { single_.AddFree(weight); }
+  /// A corner's stored lobes.
+  void Add(float weight, const DirectLobe* lobe, int count) {
+    if (count == 1) {
+      single_.Add(weight, lobe[0]);
+      return;
+    }
+    Corner& corner = corner_[corners_++];
+    corner.weight = weight;
+    corner.light = 0;
+    corner.count = count;
+    for (int i = 0; i < count; ++i) {
+      corner.lobe[i] = {lobe[i].fraction, lobe[i].kappa_ratio, lobe[i].shift};
+      corner.light += weight * lobe[i].fraction;
+    }
+  }
+  /// Calls emit(DirectLobe) for what the corners come to.
+  template <class Visit>
+  void Emit(const Visit& emit) const {
+    if (corners_ == 0) {
+      emit(single_.Lobe());
+      return;
+    }
+    const Corner& guide =
+        *std::max_element(corner_.begin(), corner_.begin() + corners_,
+                          [](const Corner& a, const Corner& b) { return a.light < b.light; });
+    std::array<DirectBlend, kMaxSliceLobes> blend;
+    for (int c = 0; c < corners_; ++c)
+      for (int i = 0; i < corner_[c].count; ++i) {
+        const Stored& lobe = corner_[c].lobe[i];
+        const int like = &corner_[c] == &guide ? i : Nearest(guide, lobe.shift);
+        blend[like].Add(corner_[c].weight, {lobe.fraction, lobe.shift, lobe.kappa_ratio});
+      }
+    float total = 0;
+    for (const DirectBlend& b : blend) total += b.fraction();
+    for (int i = 0; i < guide.count; ++i) {
+      const float part = total > 0 ? blend[i].fraction() / total : 1.0f / static_cast<float>(guide.count);
+      blend[i].AddPart(part, single_);
+      emit(blend[i].Lobe());
+    }
+  }
+
+ private:
+  static constexpr int kMaxCorners = kMaxPointRows * kMaxStandIns;
+  struct Stored {  // a DirectLobe that is left as it is until it is set
+    float fraction, kappa_ratio;
+    glm::vec3 shift;
+  };
+  struct Corner {
+    float weight, light;
+    int count;
+    std::array<Stored, kMaxSliceLobes> lobe;
+  };
+
+  static int Nearest(const Corner& guide, const glm::vec3& shift) {
+    int nearest = 0;
+    float least = INFINITY;
+    for (int i = 0; i < guide.count; ++i) {
+      const glm::vec3 d = guide.lobe[i].shift - shift;
+      if (glm::dot(d, d) < least) least = glm::dot(d, d), nearest = i;
+    }
+    return nearest;
+  }
+
+  DirectBlend single_;
+  std::array<Corner, kMaxCorners> corner_;
+  int corners_ = 0;
 };
 
 /// Lobes of a look-up's corners, gathered into groups of like ones. A group has at most one lobe of each

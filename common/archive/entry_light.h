@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
 
@@ -29,6 +30,32 @@ inline EntryLight LightOf(const DirectLobe& lobe) {
 inline EntryLight LightOf(const IndirectLobe& lobe) {
   return {lobe.alpha, Luminance(lobe.alpha) * MeanCosineFromKappa(lobe.kappa) * lobe.mu};
 }
+
+/// What stands for the width in LightOf where a slice has several direct lobes: that of the one lobe with
+/// their moments, for small angles. Each of them alone is sharper than that, and a slice beside it may well
+/// be one lobe of about the same light.
+class DirectWidth {
+ public:
+  void Add(const DirectLobe& lobe) {
+    ++lobes_;
+    fraction_ += lobe.fraction;
+    inverse_ratio_ += lobe.fraction / lobe.kappa_ratio;
+    shift_ += lobe.fraction * lobe.shift;
+    square_ += lobe.fraction * glm::dot(lobe.shift, lobe.shift);
+  }
+  int lobes() const { return lobes_; }
+  /// @param kappa  the unoccluded lobe's
+  float Light(float kappa) const {
+    if (fraction_ <= 0) return 0;
+    const float apart = square_ - glm::dot(shift_, shift_) / fraction_;
+    return 0.5f * fraction_ * fraction_ / (inverse_ratio_ + 0.5f * kappa * std::max(apart, 0.0f));
+  }
+
+ private:
+  int lobes_ = 0;
+  float fraction_ = 0, inverse_ratio_ = 0, square_ = 0;
+  glm::vec3 shift_{0};
+};
 
 inline constexpr float kJudgedLightKappa = 64;  ///< lights that distances are judged under are this sharp
 

@@ -112,6 +112,7 @@ std::array<std::byte, kHeaderBytes> EncodeHeader(const Header& header) {
   Put(at + 40, header.triangles);
   std::memcpy(at + 48, header.archive_key.bytes.data(), header.archive_key.bytes.size());
   Put(at + 80, header.base_level);
+  Put(at + 84, header.direct_lobes - 1);
   Put(at + 88, header.rows);
   Put(at + kHeaderChecksumOffset, Checksum64({at, kHeaderChecksumOffset}));
   return out;
@@ -140,16 +141,19 @@ Result<Header> DecodeHeader(std::span<const std::byte> file) {
   header.triangles = Get<uint64_t>(at + 40);
   std::memcpy(header.archive_key.bytes.data(), at + 48, header.archive_key.bytes.size());
   header.base_level = Get<uint32_t>(at + 80);
+  const auto further_direct = Get<uint32_t>(at + 84);
   header.rows = Get<uint64_t>(at + 88);
-  if (Get<uint32_t>(at + 12) != kHeaderBytes || !AllZero({at + 84, 4}) || !AllZero({at + 96, 24})) {
+  if (Get<uint32_t>(at + 12) != kHeaderBytes || !AllZero({at + 96, 24})) {
     return BadInput("header: reserved bytes are set; a newer Glint may read it");
   }
   if (header.grid_level > DirectionGrid::kMaxLevel || header.base_level > header.grid_level ||
       header.layers > kMaxLayers || header.slots > static_cast<uint32_t>(kMaxBrdfLobes) ||
       header.slice_lobes < 1 || header.slice_lobes > static_cast<uint32_t>(kMaxSliceLobes) ||
-      header.vertices > kMaxVertices || header.triangles > kMaxTriangles || header.rows > kMaxVertices) {
+      further_direct >= header.slice_lobes || header.vertices > kMaxVertices ||
+      header.triangles > kMaxTriangles || header.rows > kMaxVertices) {
     return BadInput("header: a count is out of range; bake it again");
   }
+  header.direct_lobes = further_direct + 1;
   return header;
 }
 

@@ -49,13 +49,13 @@ struct Header {
   uint32_t grid_level = 0, base_level = 0;
   uint32_t layers = 0;
   uint32_t slots = 0;  ///< specular tables of each layer; one diffuse table follows them
-  uint32_t slice_lobes =
-      1;  ///< sets of such tables of layers above 0: first lobes of the slices, second, ...
+  /// Sets of such tables of layers above 0, and of layer 0: first lobes of the slices, second, ...
+  uint32_t slice_lobes = 1, direct_lobes = 1;
   uint64_t vertices = 0, triangles = 0, rows = 0;
   Digest archive_key;
 
   /// Tables of a layer: for each lobe of a slice, the specular slots', then the diffuse one.
-  uint32_t tables(uint32_t layer) const { return (slots + 1) * (layer == 0 ? 1 : slice_lobes); }
+  uint32_t tables(uint32_t layer) const { return (slots + 1) * (layer == 0 ? direct_lobes : slice_lobes); }
   bool is_diffuse(uint32_t table) const { return table % (slots + 1) == slots; }
 };
 

@@ -96,11 +96,11 @@ class LobeRows {
   }
   bool empty() const { return lobes_ == 0; }
   const SliceTableView::RowView& first() const { return row_[0]; }
-  /// Calls visit(lobe) for the lobes of a slice, whose first is `entry`.
+  /// Calls visit(entry, its bytes) for the lobes of a slice, whose first is `entry`.
   template <class Visit>
   void ForEach(uint32_t column, const std::byte* entry, const Visit& visit) const {
     for (uint32_t lobe = 1; entry; ++lobe) {
-      visit(DecodeIndirect(entry, entry_bytes_[lobe - 1]));
+      visit(entry, entry_bytes_[lobe - 1]);
       entry = lobe < lobes_ ? row_[lobe].Find(column) : nullptr;
     }
   }
@@ -110,6 +110,55 @@ class LobeRows {
   std::array<uint32_t, kMaxSliceLobes> entry_bytes_;
   uint32_t lobes_ = 0;
 };
+
+/// Adds a corner's slice, whose first lobe is `entry`, to the blend of direct ones.
+void AddCorner(const LobeRows& rows, uint32_t column, float weight, const std::byte* entry,
+               SeveralBlend* blend) {
+  if (!entry) {
+    blend->AddFree(weight);
+    return;
+  }
+  std::array<DirectLobe, kMaxSliceLobes> lobes;
+  int count = 0;
+  rows.ForEach(column, entry, [&](const std::byte* stored, uint32_t bytes) {
+    lobes[count++] = DecodeDirect(stored, bytes);
+  });
+  blend->Add(weight, lobes.data(), count);
+}
+
+template <int kColumns>
+void BlendSeveral(const LayerViews& layer, uint32_t slot, const Corners<kColumns>& corners,
+                  SeveralBlend* blend) {
+  for (size_t i = 0; i < corners.rows.size(); ++i) {
+    const LobeRows rows(layer, slot, corners.rows[i]);
+    for (int j = 0; j < kColumns; ++j) {
+      const float w = corners.weight[i * kColumns + j];
+      const uint32_t column = corners.column[j];
+      AddCorner(rows, column, w, rows.empty() || w <= 0 ? nullptr : rows.first().Find(column), blend);
+    }
+  }
+}
+
+void BlendSeveral(const LayerViews& layer, uint32_t slot, const NestedCorners& corners, SeveralBlend* blend) {
+  for (int i = 0; i < corners.point.rows; ++i) {
+    const LobeRows rows(layer, slot, corners.point.row[i]);
+    corners.VisitRow(i, rows.first(), [&](uint32_t column, float w, const std::byte* entry) {
+      AddCorner(rows, column, w, entry, blend);
+    });
+  }
+}
+
+/// Calls visit(DirectLobe) for the lobes of a slice of layer 0.
+template <class SomeCorners, class Visit>
+void VisitDirect(const LayerViews& layer, uint32_t slot, const SomeCorners& corners, const Visit& visit) {
+  if (layer.lobes() == 1) {
+    visit(InterpolateDirect(layer.table(0, slot), corners));
+    return;
+  }
+  SeveralBlend blend;
+  BlendSeveral(layer, slot, corners, &blend);
+  blend.Emit(visit);
+}
 
 /// Calls visit(corner, weight, lobe) for every stored lobe of the corners' slices.
 template <int kColumns, class Visit>
@@ -121,8 +170,9 @@ void VisitIndirect(const LayerViews& layer, uint32_t slot, const Corners<kColumn
       const int corner = i * kColumns + j;
       const float w = corners.weight[corner];
       if (w <= 0) continue;
-      rows.ForEach(corners.column[j], rows.first().Find(corners.column[j]),
-                   [&](const IndirectLobe& lobe) { visit(corner, w, lobe); });
+      rows.ForEach(
+          corners.column[j], rows.first().Find(corners.column[j]),
+          [&](const std::byte* entry, uint32_t bytes) { visit(corner, w, DecodeIndirect(entry, bytes)); });
     }
   }
 }
@@ -134,7 +184,9 @@ void VisitIndirect(const LayerViews& layer, uint32_t slot, const NestedCorners& 
     const LobeRows rows(layer, slot, corners.point.row[i]);
     if (rows.empty()) continue;
     corners.VisitRow(i, rows.first(), [&](uint32_t column, float w, const std::byte* entry) {
-      rows.ForEach(column, entry, [&](const IndirectLobe& lobe) { visit(corner, w, lobe); });
+      rows.ForEach(column, entry, [&](const std::byte* stored, uint32_t bytes) {
+        visit(corner, w, DecodeIndirect(stored, bytes));
+      });
       ++corner;
     });
   }
@@ -165,10 +217,11 @@ void ReadSpecular(const TransferPoint& point, const LayerViews& layer, int index
       ReadIndirect(layer, static_cast<uint32_t>(k), corners, weight, out);
       continue;
     }
-    const DirectLobe direct = InterpolateDirect(layer.specular[k], corners);
-    if (direct.fraction > 0)
-      out->Add({weight * direct.fraction, UnitOr(point.lobe_mu[k] + direct.shift, point.lobe_mu[k]),
-                std::min(brdf.kappa * direct.kappa_ratio, kMaxKappa), false});
+    VisitDirect(layer, static_cast<uint32_t>(k), corners, [&](const DirectLobe& direct) {
+      if (direct.fraction > 0)
+        out->Add({weight * direct.fraction, UnitOr(point.lobe_mu[k] + direct.shift, point.lobe_mu[k]),
+                  std::min(brdf.kappa * direct.kappa_ratio, kMaxKappa), false});
+    });
   }
 }
 
@@ -343,10 +396,11 @@ void TransferReader::Read(const TransferPoint& point, const LayerViews& layer, i
     ReadIndirect(layer, layer.diffuse_slot(), corners, point.diffuse_albedo, out);
     return;
   }
-  const DirectLobe direct = InterpolateDirect(layer.diffuse, corners);
-  if (direct.fraction > 0)
-    out->Add({point.diffuse_albedo * direct.fraction, UnitOr(point.normal + direct.shift, point.normal),
-              kCosineKappa * direct.kappa_ratio, true});
+  VisitDirect(layer, layer.diffuse_slot(), corners, [&](const DirectLobe& direct) {
+    if (direct.fraction > 0)
+      out->Add({point.diffuse_albedo * direct.fraction, UnitOr(point.normal + direct.shift, point.normal),
+                kCosineKappa * direct.kappa_ratio, true});
+  });
 }
 
 }  // namespace glint

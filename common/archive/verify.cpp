@@ -88,6 +88,30 @@ Status CheckOrder(const SliceTableView& lobe, const SliceTableView& lobe_before,
   return Mismatch(CellName(lobe, bad) + ": a further lobe without the one before; bake again");
 }
 
+/// What is visible of a lobe is no more than the lobe, whatever parts it is stored in; rounding aside.
+Status CheckParts(const LayerViews& layer, uint32_t slot, int threads) {
+  constexpr float kRounding = 1.0f / 256;  // of a lobe's part in the shortest entries, and to spare
+  const float most = 1 + kRounding * static_cast<float>(layer.lobes());
+  const SliceTableView& first = layer.table(0, slot);
+  std::atomic<uint64_t> first_bad{~uint64_t{0}};
+  ParallelFor(first.rows(), threads, 256, [&](size_t row, int) {
+    const auto r = static_cast<uint32_t>(row);
+    first.Row(r).ForEach([&](uint32_t column, const std::byte*) {
+      float sum = 0;
+      for (uint32_t lobe = 0; lobe < layer.lobes(); ++lobe) {
+        const SliceTableView& table = layer.table(lobe, slot);
+        const std::byte* entry = table.Find(r, column);
+        if (entry == nullptr) break;
+        sum += DecodeDirect(entry, table.entry_bytes()).fraction;
+      }
+      if (sum > most) LowerTo(row * uint64_t{first.columns()} + column, &first_bad);
+    });
+  });
+  const uint64_t bad = first_bad;
+  if (bad == ~uint64_t{0}) return {};
+  return Mismatch(CellName(first, bad) + ": its visible parts are more than the whole; bake again");
+}
+
 Status CheckLayer(const LayerViews& layer, const BakeDomain& domain, bool direct, int threads) {
   for (uint32_t lobe = 0; lobe < layer.lobes(); ++lobe)
     for (uint32_t slot = 0; slot <= layer.diffuse_slot(); ++slot) {
@@ -97,6 +121,8 @@ Status CheckLayer(const LayerViews& layer, const BakeDomain& domain, bool direct
       const std::string name = slot < layer.diffuse_slot() ? "specular " + std::to_string(slot) : "diffuse";
       GLINT_RETURN_IF_ERROR(status.WithContext(name + ", lobe " + std::to_string(lobe) + " of the slices"));
     }
+  for (uint32_t slot = 0; direct && slot <= layer.diffuse_slot(); ++slot)
+    GLINT_RETURN_IF_ERROR(CheckParts(layer, slot, threads).WithContext("slot " + std::to_string(slot)));
   return CheckSides(layer.diffuse, domain).WithContext("diffuse");
 }
 

@@ -23,6 +23,8 @@ void HashSettings(const BakeSettings& s, Hasher* hasher) {
       .Add(s.smallest_edge)
       .Add(s.max_vertices)
       .Add(s.subdivide);
+  // Direct light once had one lobe whatever slice_lobes was; keys of bakes with one lobe are as they were.
+  if (s.slice_lobes > 1) hasher->Add(1);
 }
 
 }  // namespace glint

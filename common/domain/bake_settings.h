@@ -41,11 +41,11 @@ struct BakeSettings {
   /// Entries of a table get the fewest bits with which its slices' relative error (rms) is at most this; 0:
   /// 12 bytes
   float bits_tolerance = 0.004f;
-  /// kShared: indirect light is read out as up to this many lobes for each of a slice's BRDF,
-  /// 1 .. kMaxSliceLobes ...
+  /// kShared: light is read out as up to this many lobes for each of a slice's BRDF, 1 .. kMaxSliceLobes ...
   int slice_lobes = 1;
-  /// ... and no more once joining two of them loses less than this: the part of their common spread that lies
-  /// between them, times the root of their part of the BRDF lobe's light
+  /// ... and no more once joining two of them loses less than this. Indirect: the part of their common spread
+  /// that lies between them, times the root of their part of the BRDF lobe's light. Direct: a tenth of this
+  /// is what a further lobe takes out of the error of the relit slice at least (worker/visible_parts.h)
   float lobe_tolerance = 0.2f;
   uint64_t seed = 1;
   BrdfFitOptions fit;
@@ -61,12 +61,11 @@ struct BakeSettings {
     const bool nested = method == GatherMethod::kShared && angular_tolerance > 0;
     return nested ? std::min(base_level, grid_level) : grid_level;
   }
-  /// Lobes that a slice of a layer can have. Direct light keeps to one: what a blocker's edge leaves of a
-  /// lobe is no better seen as several (docs/mathematics.md).
-  uint32_t StoredLobes(int layer) const {
-    return layer == 0 || method == GatherMethod::kPaper ? 1 : static_cast<uint32_t>(slice_lobes);
+  /// Lobes that a slice can have for each of its BRDF's.
+  uint32_t StoredLobes() const {
+    return method == GatherMethod::kPaper ? 1 : static_cast<uint32_t>(slice_lobes);
   }
-  ReadOut read_out() const { return {drop, static_cast<int>(StoredLobes(1)), lobe_tolerance}; }
+  ReadOut read_out() const { return {drop, static_cast<int>(StoredLobes()), lobe_tolerance}; }
 };
 
 /// Feeds every field of the settings.

@@ -90,7 +90,8 @@ inline std::vector<std::byte> MakeTable(const BakeDomain& domain, uint32_t colum
       entries.resize(entries.size() + 12);
       std::byte* out = entries.data() + entries.size() - 12;
       if (direct) {
-        EncodeDirect({rng.Uniform(), Random(&rng, -1, 1), 1 + rng.Uniform()}, out);
+        const float most = std::ldexp(1.0f, -lobe - 1);  // a slice's parts are no more than the whole
+        EncodeDirect({most * rng.Uniform(), Random(&rng, -1, 1), 1 + rng.Uniform()}, out);
       } else {
         EncodeIndirect({Random(&rng, 0, 1), RandomUnit(&rng), 100 * rng.Uniform()}, out);
       }
@@ -107,7 +108,7 @@ inline Content MakeContent(uint32_t vertices = 9, uint32_t triangles = 7, int lo
   c.domain = MakeDomain(vertices, triangles, lobes);
   c.tables.resize(layers);
   for (int layer = 0; layer < layers; ++layer) {
-    for (int lobe = 0; lobe < (layer == 0 ? 1 : slice_lobes); ++lobe)
+    for (int lobe = 0; lobe < slice_lobes; ++lobe)
       for (int slot = 0; slot <= lobes; ++slot)
         c.tables[layer].push_back(MakeTable(c.domain, slot == lobes ? 2 : 12, layer == 0, slot == lobes, form,
                                             static_cast<uint64_t>(layer * 10 + slot), lobe));

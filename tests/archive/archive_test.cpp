@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <filesystem>
 #include <span>
@@ -117,7 +118,7 @@ void ExpectHolds(const Archive& archive, const Content& c) {
   for (size_t i = 0; i < c.tables.size(); ++i) {
     const LayerViews& layer = archive.layers()[i];
     const uint32_t slots = layer.diffuse_slot() + 1;
-    ASSERT_EQ(layer.lobes(), i == 0 ? 1u : static_cast<uint32_t>(c.content.slice_lobes));
+    ASSERT_EQ(layer.lobes(), static_cast<uint32_t>(c.content.slice_lobes));
     ASSERT_EQ(slots * layer.lobes(), c.tables[i].size());
     for (uint32_t k = 0; k < c.tables[i].size(); ++k) {
       ExpectSameCells(c.tables[i][k], layer.table(k / slots, k % slots));
@@ -180,7 +181,7 @@ TEST_F(ArchiveTest, SectionsTellWhereBytesAre) {
   const auto bytes = Write(&c);
   const auto archive = Archive::Open(Path());
   ASSERT_TRUE(archive.ok());
-  ASSERT_EQ(archive->sections().size(), 6u + 3 + 2 * 3);
+  ASSERT_EQ(archive->sections().size(), 6u + 2 * 2 * 3);
   uint64_t end = archive_format::kHeaderBytes;
   for (const SectionInfo& s : archive->sections()) {
     EXPECT_EQ(s.offset % 64, 0u);
@@ -408,6 +409,18 @@ TEST_F(ArchiveTest, VerifySeesWhatOpeningDoesNot) {
   const Status gap = Verify(Write(&c));
   EXPECT_EQ(gap.kind(), ErrorKind::kMismatch);
   EXPECT_NE(gap.message().find("without the one before"), std::string::npos) << gap.message();
+
+  c = MakeContent();
+  std::byte most_of_it[kDirectEntryBytes];
+  EncodeDirect({.fraction = 0.9f}, most_of_it);
+  for (const size_t slot : {0, 3}) {  // first and second lobe
+    SliceTableBuilder table(9, 12, kDirectEntryBytes);
+    table.AppendRow(std::array<uint16_t, 1>{5}, most_of_it);
+    c.tables[0][slot] = table.Finish();
+  }
+  const Status more = Verify(Write(&c));
+  EXPECT_EQ(more.kind(), ErrorKind::kMismatch);
+  EXPECT_NE(more.message().find("more than the whole"), std::string::npos) << more.message();
 
   c = MakeContent();
   c.domain.specular[3].y = -0.1f;

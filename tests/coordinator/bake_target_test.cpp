@@ -27,7 +27,6 @@ TargetRound Round(const std::array<double, kErrorCauses>& cause, double error = 
   round.settings.spatial_tolerance = 0.2f;
   round.error = error;
   round.cause = cause;
-  round.indirect_lobes = cause[static_cast<size_t>(ErrorCause::kLobes)];
   round.seconds = 10;
   round.bytes = 1'000'000;
   round.kept = true;
@@ -121,13 +120,6 @@ TEST(NextStepTest, DoesNotRefineBesideALargerCauseThatItCannotMend) {
   EXPECT_FALSE(step.settings);
   EXPECT_FALSE(step.reached);
   EXPECT_NE(step.reason.find("spatial"), std::string::npos) << step.reason;
-}
-
-TEST(NextStepTest, LobesOfDirectLightAreNobodysAxis) {
-  std::vector<TargetRound> rounds{Round({0.1, 0, 0, 0, 0, 0})};
-  EXPECT_TRUE(NextStep(rounds, {.tolerance = 0.01f}, 0).settings);
-  rounds[0].indirect_lobes = 0.02;
-  EXPECT_FALSE(NextStep(rounds, {.tolerance = 0.01f}, 0).settings);
 }
 
 TEST(NextStepTest, WithinBudgetsTheBestForItsCostComesFirst) {

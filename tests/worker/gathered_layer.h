@@ -21,7 +21,7 @@ struct GatheredLayer {
   /// Nested tables too are of the bake's default form here, which reads the same.
   GatheredLayer(const GatherInput& input, const BakeSettings& settings, const BlockResult& block, int layer) {
     const uint32_t entry_bytes = layer == 0 ? kDirectEntryBytes : kIndirectEntryBytes;
-    const SlotLayout layout{static_cast<uint32_t>(input.domain.max_lobes()), settings.StoredLobes(layer)};
+    const SlotLayout layout{static_cast<uint32_t>(input.domain.max_lobes()), settings.StoredLobes()};
     for (uint32_t slot = 0; slot < layout.count(); ++slot) {
       const bool diffuse = layout.is_diffuse(slot);
       const BlockRows& rows = block.slots[slot];

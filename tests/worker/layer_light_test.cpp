@@ -26,7 +26,8 @@ namespace {
 class LayerLightTest : public testing::Test {
  protected:
   /// @param base_level  below 2: directions are left out
-  explicit LayerLightTest(uint32_t vertices = 900, float exponent = 64, int base_level = 2)
+  explicit LayerLightTest(uint32_t vertices = 900, float exponent = 64, int base_level = 2,
+                          int slice_lobes = 1)
       : scene_(*GenerateScene("goblets", {vertices, exponent})),
         domain_(BuildBakeDomain(scene_, {}, 1)),
         grid_(2, base_level),
@@ -35,6 +36,8 @@ class LayerLightTest : public testing::Test {
     settings.grid_level = 2;
     if (base_level < 2) settings.angular_tolerance = 0.05f;
     settings.base_level = base_level;
+    settings.slice_lobes = slice_lobes;
+    settings.lobe_tolerance = 0.02f;
     layers_ = GatherLayers({domain_, rays_, grid_}, settings, 2);
   }
 
@@ -68,14 +71,15 @@ class LayerLightTest : public testing::Test {
     return queries;
   }
 
-  void ExpectReadersAgree() const {
+  /// @param moment  what first moments of layer 0 may differ by
+  void ExpectReadersAgree(double moment = 1e-3) const {
     const std::vector<LightQuery> queries = RandomQueries(4000);
     for (int layer = 0; layer < 2; ++layer) {
       const Difference d = FromReader(layer, queries);
       EXPECT_GT(d.lit, 500);
       EXPECT_LT(d.alpha, 1e-3) << layer;
       // Unlike corners are kept apart here, and gathered into groups there.
-      EXPECT_LT(d.moment, layer == 0 ? 1e-3 : 0.05) << layer;
+      EXPECT_LT(d.moment, layer == 0 ? moment : 0.05) << layer;
     }
   }
 
@@ -122,6 +126,16 @@ class NestedLayerLightTest : public LayerLightTest {
   NestedLayerLightTest() : LayerLightTest(900, 64, 0) {}
 };
 
+class SeveralLobesLayerLightTest : public LayerLightTest {
+ protected:
+  SeveralLobesLayerLightTest() : LayerLightTest(900, 64, 2, kMaxSliceLobes) {}
+};
+
+class NestedSeveralLobesLayerLightTest : public LayerLightTest {
+ protected:
+  NestedSeveralLobesLayerLightTest() : LayerLightTest(900, 64, 0, kMaxSliceLobes) {}
+};
+
 class GgxLayerLightTest : public LayerLightTest {
  protected:
   GgxLayerLightTest() : LayerLightTest(600, 0) {}
@@ -130,6 +144,16 @@ class GgxLayerLightTest : public LayerLightTest {
 TEST_F(LayerLightTest, AnswersAsTheReaderOfPictures) { ExpectReadersAgree(); }
 
 TEST_F(NestedLayerLightTest, AnswersAsTheReaderOfPictures) { ExpectReadersAgree(); }
+
+TEST_F(SeveralLobesLayerLightTest, AnswersAsTheReaderOfPictures) {
+  for (const std::unique_ptr<GatheredLayer>& layer : layers_) {
+    ASSERT_EQ(layer->views.lobes(), static_cast<uint32_t>(kMaxSliceLobes));
+    EXPECT_GT(layer->views.table(1, 0).entries(), 1000u);
+  }
+  ExpectReadersAgree(0.01);
+}
+
+TEST_F(NestedSeveralLobesLayerLightTest, AnswersAsTheReaderOfPictures) { ExpectReadersAgree(0.01); }
 
 TEST_F(GgxLayerLightTest, AnswersAsTheReaderOfPictures) { ExpectReadersAgree(); }
 
