@@ -29,6 +29,7 @@ std::vector<std::byte> MakeTable(const BlockRows& rows, uint32_t columns, const 
 std::vector<DirectLobe> ReadOutDirect(const PathFan& fan, const ReadOut& read_out) {
   const VisibleParts parts = DirectPartsOf(fan, read_out);
   std::vector<DirectLobe> lobes;
+  lobes.reserve(static_cast<size_t>(parts.count));
   for (int i = 0; i < parts.count; ++i) lobes.push_back(DirectLobeOf(fan.lobe, parts.part[i]));
   if (!lobes.empty()) return lobes;
   const auto whole = FitDirect(fan.lobe, DirectMomentsOf(fan), read_out.drop);

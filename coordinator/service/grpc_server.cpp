@@ -214,7 +214,7 @@ class Calls final : public v1::Glint::Service {
                       v1::UploadReply*) override {
     return As(Right::kSubmit, "Upload", context, [&] {
       const bool room = ++uploads_ <= kMaxUploads;
-      const Status stored = room ? Receive(reader) : IoError("other scenes are being uploaded; try again");
+      Status stored = room ? Receive(reader) : IoError("other scenes are being uploaded; try again");
       --uploads_;
       return stored;
     });

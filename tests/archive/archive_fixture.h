@@ -111,7 +111,7 @@ inline Content MakeContent(uint32_t vertices = 9, uint32_t triangles = 7, int lo
     for (int lobe = 0; lobe < slice_lobes; ++lobe)
       for (int slot = 0; slot <= lobes; ++slot)
         c.tables[layer].push_back(MakeTable(c.domain, slot == lobes ? 2 : 12, layer == 0, slot == lobes, form,
-                                            static_cast<uint64_t>(layer * 10 + slot), lobe));
+                                            uint64_t{10} * layer + slot, lobe));
   }
   c.content.grid_level = 0;
   c.content.slice_lobes = slice_lobes;
