@@ -43,7 +43,15 @@ constexpr std::array<AxisModel, kBakeAxes> kModels = {{
     {ErrorCause::kLobes, 0.7, 1.5, 1.3},
     {ErrorCause::kBits, 0.5, 1.1, 1.3},
 }};
-const AxisModel& Model(int axis) { return kModels[static_cast<size_t>(axis)]; }
+/// The same of vertices where all of the mesh's are baked: every face is split in four.
+constexpr AxisModel kSplitModel = {ErrorCause::kSpatial, 0.5, 4.2, 4};
+
+/// What a step from the round's settings along an axis does.
+const AxisModel& Model(const TargetRound& round, int axis) {
+  const bool splits =
+      static_cast<BakeAxis>(axis) == BakeAxis::kVertices && round.settings.spatial_tolerance == 0;
+  return splits ? kSplitModel : kModels[static_cast<size_t>(axis)];
+}
 
 /// An axis is refined while its cause is above this part of the largest, and of the tolerance: errors add up
 /// by their squares, so that what is below changes the whole by an eighth at most.
@@ -58,23 +66,25 @@ constexpr float kFinestDrop = 1.0f / 65536;
 constexpr int kMostRays = 1 << 17;
 constexpr int kCoarsestLevel = 2;
 constexpr float kFinestSpatialTolerance = 0.02f, kSpatialStep = 1.5f;
+constexpr int kMostSplits = 2;
 /// From this part of the mesh's vertices on, choosing among them is not worth what is lost by it.
 constexpr double kAboutTheMesh = 0.7;
 /// Below this tolerance a teapot's and goblets' vertices were worth all being baked.
 constexpr float kWorthTheMesh = 0.05f;
 
 double Cause(const TargetRound& round, int axis) {
-  return round.cause[static_cast<size_t>(Model(axis).cause)];
+  return round.cause[static_cast<size_t>(Model(round, axis).cause)];
 }
 
-/// One step finer than the settings, which are a round's or finer; false: there is none.
-bool Refine(const TargetRound& round, int axis, BakeSettings* s) {
+/// One step finer; false: there is none.
+bool Refine(int axis, BakeSettings* s) {
   const bool shared = s->method == GatherMethod::kShared;
   int& most_rays = shared ? s->max_rays : s->paper_rays;
   switch (static_cast<BakeAxis>(axis)) {
     case BakeAxis::kVertices:
-      // Where the mesh's own vertices were baked, the tolerance that would have had this error: about that.
-      if (s->spatial_tolerance == 0) s->spatial_tolerance = static_cast<float>(Cause(round, axis));
+      // A tolerance that chose about as many vertices as the mesh has chose worse ones, as it does not know
+      // how the surface turns.
+      if (s->spatial_tolerance == 0) return s->subdivide < kMostSplits && ++s->subdivide;
       if (s->spatial_tolerance <= kFinestSpatialTolerance) return false;
       s->spatial_tolerance /= kSpatialStep;
       return true;
@@ -107,14 +117,14 @@ double Growth(double of_a_step, int steps) { return std::pow(of_a_step, steps); 
 /// Whether steps along the vertices come to about as many as the mesh has: then all of those and no others
 /// are the better choice.
 bool ComesToTheMesh(const TargetRound& round, int steps) {
-  const double vertices = Growth(Model(static_cast<int>(BakeAxis::kVertices)).bytes, steps);
+  const double vertices = Growth(Model(round, static_cast<int>(BakeAxis::kVertices)).bytes, steps);
   return steps > 0 && round.mesh_vertices > 1 && vertices > kAboutTheMesh * round.mesh_vertices;
 }
 
 BakeSettings Refined(const TargetRound& round, const AxisSteps& steps) {
   BakeSettings settings = round.settings;
   for (int a = 0; a < kBakeAxes; ++a)
-    for (int i = 0; i < steps[a]; ++i) Refine(round, a, &settings);
+    for (int i = 0; i < steps[a]; ++i) Refine(a, &settings);
   if (ComesToTheMesh(round, steps[static_cast<size_t>(BakeAxis::kVertices)])) settings.spatial_tolerance = 0;
   return settings;
 }
@@ -128,8 +138,8 @@ RoundCost Expected(const TargetRound& round, const AxisSteps& steps) {
   RoundCost cost = {round.seconds, static_cast<double>(round.bytes)};
   for (int a = 0; a < kBakeAxes; ++a) {
     const bool to_mesh = a == static_cast<int>(BakeAxis::kVertices) && ComesToTheMesh(round, steps[a]);
-    cost.seconds *= to_mesh ? round.mesh_vertices : Growth(Model(a).seconds, steps[a]);
-    cost.bytes *= to_mesh ? round.mesh_vertices : Growth(Model(a).bytes, steps[a]);
+    cost.seconds *= to_mesh ? round.mesh_vertices : Growth(Model(round, a).seconds, steps[a]);
+    cost.bytes *= to_mesh ? round.mesh_vertices : Growth(Model(round, a).bytes, steps[a]);
   }
   return cost;
 }
@@ -147,7 +157,7 @@ double Floor(const TargetRound& round, const BakeTarget& target) {
   double squares = 0;
   for (int a = 0; a < kBakeAxes; ++a) {
     BakeSettings scratch = round.settings;
-    if (target.fixed[a] || !Refine(round, a, &scratch)) squares += Cause(round, a) * Cause(round, a);
+    if (target.fixed[a] || !Refine(a, &scratch)) squares += Cause(round, a) * Cause(round, a);
   }
   return std::sqrt(squares);
 }
@@ -167,9 +177,9 @@ int StepsTo(const TargetRound& best, int axis, double aim) {
   BakeSettings settings = best.settings;
   double left = Cause(best, axis);
   int steps = 0;
-  while ((steps == 0 || left * std::sqrt(Model(axis).gain) > aim) && steps < kMostSteps &&
-         Refine(best, axis, &settings)) {
-    left *= Model(axis).gain;
+  while ((steps == 0 || left * std::sqrt(Model(best, axis).gain) > aim) && steps < kMostSteps &&
+         Refine(axis, &settings)) {
+    left *= Model(best, axis).gain;
     ++steps;
   }
   return steps;
@@ -193,7 +203,7 @@ AxisSteps NotableSteps(const TargetRound& best, const BakeTarget& target) {
 
 /// Square of the error that a step takes out, for what it adds in time and bytes.
 double Worth(const TargetRound& best, int axis) {
-  const AxisModel& model = Model(axis);
+  const AxisModel& model = Model(best, axis);
   const double cause = Cause(best, axis);
   return cause * cause * (1 - model.gain * model.gain) / (model.seconds * model.bytes - 1);
 }

@@ -70,13 +70,24 @@ TEST(NextStepTest, TakesTheMeshAsItIsBeforeAllElseForATightTolerance) {
   next = *NextStep(rounds, {.tolerance = 0.02f, .max_seconds = 200}, 100).settings;
   EXPECT_GT(next.spatial_tolerance, 0);
   EXPECT_GT(NextStep(rounds, {.tolerance = 0.08f}, 0).settings->spatial_tolerance, 0);
+}
 
-  // From the mesh on: what would have given about this error, and from there three steps.
+TEST(NextStepTest, SplitsFacesFromTheMeshOn) {
+  std::vector<TargetRound> rounds{Round({0.01, 0.01, 0.02, 0.09, 0.2, 0.02}, 0.1)};
   rounds[0].settings.spatial_tolerance = 0;
   rounds[0].mesh_vertices = 1;
-  rounds[0].cause = Round({0.01, 0.01, 0.02, 0.09, 0.2, 0.02}).cause;
-  next = *NextStep(rounds, {.tolerance = 0.08f}, 0).settings;
-  EXPECT_NEAR(next.spatial_tolerance, 0.09 / (1.5 * 1.5 * 1.5), 1e-4);
+  const auto splits = [&](float tolerance, double seconds_left = 1000) {
+    const TargetStep step = NextStep(rounds, {.tolerance = tolerance, .max_seconds = 1000}, seconds_left);
+    if (!step.settings) return -1;
+    EXPECT_EQ(step.settings->spatial_tolerance, 0);
+    return step.settings->subdivide;
+  };
+  EXPECT_EQ(splits(0.08f), 1);
+  EXPECT_EQ(splits(0.02f), 2) << "as often as the cause is away";
+  EXPECT_EQ(splits(0.02f, 60), 1) << "ten seconds become 42, not 176";
+  EXPECT_EQ(splits(0.02f, 20), -1);
+  rounds[0].settings.subdivide = 2;
+  EXPECT_EQ(splits(0.02f), -1) << "sixteen times the mesh's vertices are the most";
 }
 
 TEST(NextStepTest, LeavesAloneWhatIsFixed) {
