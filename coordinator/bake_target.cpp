@@ -185,6 +185,44 @@ int StepsTo(const TargetRound& best, int axis, double aim) {
   return steps;
 }
 
+/// Square of the error that a step takes out, for what it adds in time and bytes.
+double Worth(const TargetRound& best, int axis) {
+  const AxisModel& model = Model(best, axis);
+  const double cause = Cause(best, axis);
+  return cause * cause * (1 - model.gain * model.gain) / (model.seconds * model.bytes - 1);
+}
+
+/// Axes that are refined, of most worth first.
+std::vector<int> ByWorth(const TargetRound& best, const AxisSteps& steps) {
+  std::vector<int> order;
+  for (int a = 0; a < kBakeAxes; ++a)
+    if (steps[a] > 0) order.push_back(a);
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return Worth(best, a) > Worth(best, b); });
+  return order;
+}
+
+/// Square of the error that is expected after the steps.
+double ExpectedSquare(const TargetRound& best, const AxisSteps& steps) {
+  double square = best.error * best.error;
+  for (int a = 0; a < kBakeAxes; ++a) {
+    const double cause = Cause(best, a), left = cause * Growth(Model(best, a).gain, steps[a]);
+    square -= cause * cause - left * left;
+  }
+  return square;
+}
+
+/// Steps are whole, so that some axes do more than their part. Takes back those, of least worth first,
+/// without which the tolerance is expected to be reached.
+AxisSteps Needed(const TargetRound& best, AxisSteps steps, double tolerance) {
+  std::vector<int> order = ByWorth(best, steps);
+  for (; !order.empty(); order.pop_back()) {
+    AxisSteps without = steps;
+    without[order.back()] = 0;
+    if (ExpectedSquare(best, without) <= tolerance * tolerance) steps = without;
+  }
+  return steps;
+}
+
 /// Steps along the axes that can be refined and whose causes stand out: as many at once as the tolerance is
 /// away, but none for what would be little beside the floor.
 AxisSteps NotableSteps(const TargetRound& best, const BakeTarget& target) {
@@ -198,14 +236,7 @@ AxisSteps NotableSteps(const TargetRound& best, const BakeTarget& target) {
   const double enough = std::max(kShareOfTolerance * tolerance, kNotable * Floor(best, target));
   for (int a = 0; a < kBakeAxes; ++a)
     if (steps[a] > 0) steps[a] = StepsTo(best, a, std::max(part * Cause(best, a), enough));
-  return steps;
-}
-
-/// Square of the error that a step takes out, for what it adds in time and bytes.
-double Worth(const TargetRound& best, int axis) {
-  const AxisModel& model = Model(best, axis);
-  const double cause = Cause(best, axis);
-  return cause * cause * (1 - model.gain * model.gain) / (model.seconds * model.bytes - 1);
+  return Needed(best, steps, tolerance);
 }
 
 /// To a tolerance that is worth all of the mesh's vertices, those come before all else: what fewer of them
@@ -222,10 +253,7 @@ std::vector<AxisSteps> MeshFirst(const TargetRound& best, const AxisSteps& wante
 /// Candidates for the next round, the one wanted most first: axes of about the same worth, by all steps
 /// wanted, then by one; then without the axis of least worth, and so on; then each notable axis alone.
 std::vector<AxisSteps> Candidates(const TargetRound& best, AxisSteps steps, float tolerance) {
-  std::vector<int> order;
-  for (int a = 0; a < kBakeAxes; ++a)
-    if (steps[a] > 0) order.push_back(a);
-  std::sort(order.begin(), order.end(), [&](int a, int b) { return Worth(best, a) > Worth(best, b); });
+  const std::vector<int> order = ByWorth(best, steps);
   std::vector<AxisSteps> candidates = MeshFirst(best, steps, tolerance);
   for (size_t n = order.size(); n > 0; --n) {
     if (Worth(best, order[n - 1]) >= kLikeWorth * Worth(best, order[0])) {

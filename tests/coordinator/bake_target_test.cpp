@@ -90,6 +90,16 @@ TEST(NextStepTest, SplitsFacesFromTheMeshOn) {
   EXPECT_EQ(splits(0.02f), -1) << "sixteen times the mesh's vertices are the most";
 }
 
+TEST(NextStepTest, LeavesOutWhatTheToleranceDoesNotNeed) {
+  std::vector<TargetRound> rounds{Round({0.03, 0.01, 0.045, 0.084, 0.03, 0.02}, 0.104)};
+  rounds[0].settings.spatial_tolerance = 0;
+  const auto step = [&](float tolerance) { return *NextStep(rounds, {.tolerance = tolerance}, 0).settings; };
+  EXPECT_EQ(step(0.08f).subdivide, 1);
+  EXPECT_EQ(step(0.08f).grid_level, rounds[0].settings.grid_level) << "splitting all faces is enough";
+  EXPECT_EQ(step(0.06f).subdivide, 1);
+  EXPECT_GT(step(0.06f).grid_level, rounds[0].settings.grid_level);
+}
+
 TEST(NextStepTest, LeavesAloneWhatIsFixed) {
   BakeTarget target{.tolerance = 0.02f};
   target.fixed[Of(BakeAxis::kDirections)] = true;
