@@ -44,7 +44,7 @@ constexpr std::array<AxisModel, kBakeAxes> kModels = {{
     {ErrorCause::kBits, 0.5, 1.1, 1.3},
 }};
 /// The same of vertices where all of the mesh's are baked: every face is split in four.
-constexpr AxisModel kSplitModel = {ErrorCause::kSpatial, 0.5, 4.2, 4};
+constexpr AxisModel kSplitModel = {ErrorCause::kSpatial, 0.4, 4.2, 4};
 
 /// What a step from the round's settings along an axis does.
 const AxisModel& Model(const TargetRound& round, int axis) {
@@ -250,11 +250,15 @@ std::vector<AxisSteps> MeshFirst(const TargetRound& best, const AxisSteps& wante
   return {steps};
 }
 
-/// Candidates for the next round, the one wanted most first: axes of about the same worth, by all steps
-/// wanted, then by one; then without the axis of least worth, and so on; then each notable axis alone.
+/// Candidates for the next round, the one wanted most first: all steps wanted if they are expected to reach
+/// the tolerance, as cheaper ones would only cost more before a dear one that is needed; axes of about the
+/// same worth, by all steps wanted, then by one; then without the axis of least worth, and so on; then each
+/// notable axis alone.
 std::vector<AxisSteps> Candidates(const TargetRound& best, AxisSteps steps, float tolerance) {
   const std::vector<int> order = ByWorth(best, steps);
   std::vector<AxisSteps> candidates = MeshFirst(best, steps, tolerance);
+  const double square = static_cast<double>(tolerance) * static_cast<double>(tolerance);
+  if (!order.empty() && ExpectedSquare(best, steps) <= square) candidates.push_back(steps);
   for (size_t n = order.size(); n > 0; --n) {
     if (Worth(best, order[n - 1]) >= kLikeWorth * Worth(best, order[0])) {
       candidates.push_back(steps);

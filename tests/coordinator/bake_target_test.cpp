@@ -100,6 +100,17 @@ TEST(NextStepTest, LeavesOutWhatTheToleranceDoesNotNeed) {
   EXPECT_GT(step(0.06f).grid_level, rounds[0].settings.grid_level);
 }
 
+TEST(NextStepTest, TakesADearAxisThatTheToleranceNeedsAtOnce) {
+  std::vector<TargetRound> rounds{Round({0.033, 0.01, 0.03, 0.051, 0.033, 0.035}, 0.074)};
+  rounds[0].settings.spatial_tolerance = 0;
+  const auto splits = [&](const BakeTarget& target) {
+    return NextStep(rounds, target, 30).settings->subdivide;
+  };
+  EXPECT_EQ(splits({.tolerance = 0.054f}), 1);
+  EXPECT_EQ(splits({.tolerance = 0.054f, .max_seconds = 100}), 0) << "not in the time";
+  EXPECT_EQ(splits({.tolerance = 0.01f}), 0) << "far from the tolerance the best for its cost comes first";
+}
+
 TEST(NextStepTest, LeavesAloneWhatIsFixed) {
   BakeTarget target{.tolerance = 0.02f};
   target.fixed[Of(BakeAxis::kDirections)] = true;
