@@ -185,6 +185,22 @@ int StepsTo(const TargetRound& best, int axis, double aim) {
   return steps;
 }
 
+/// Steps along the axes that can be refined and whose causes stand out: as many at once as the tolerance is
+/// away, but none for what would be little beside the floor.
+AxisSteps NotableSteps(const TargetRound& best, const BakeTarget& target) {
+  const double tolerance = static_cast<double>(target.tolerance);
+  const double least = std::max(kNotable * LargestCause(best), kNotableOfTolerance * tolerance);
+  AxisSteps steps{};
+  for (int a = 0; a < kBakeAxes; ++a)
+    if (!target.fixed[a] && Cause(best, a) > least) steps[a] = StepsTo(best, a, INFINITY);
+  if (tolerance <= 0) return steps;
+  const double part = PartToLeave(best, steps, tolerance);
+  const double enough = std::max(kShareOfTolerance * tolerance, kNotable * Floor(best, target));
+  for (int a = 0; a < kBakeAxes; ++a)
+    if (steps[a] > 0) steps[a] = StepsTo(best, a, std::max(part * Cause(best, a), enough));
+  return steps;
+}
+
 /// Square of the error that a step takes out, for what it adds in time and bytes.
 double Worth(const TargetRound& best, int axis) {
   const AxisModel& model = Model(best, axis);
@@ -201,42 +217,25 @@ std::vector<int> ByWorth(const TargetRound& best, const AxisSteps& steps) {
   return order;
 }
 
-/// Square of the error that is expected after the steps.
-double ExpectedSquare(const TargetRound& best, const AxisSteps& steps) {
+bool ExpectedToReach(const TargetRound& best, const AxisSteps& steps, float tolerance) {
   double square = best.error * best.error;
   for (int a = 0; a < kBakeAxes; ++a) {
     const double cause = Cause(best, a), left = cause * Growth(Model(best, a).gain, steps[a]);
     square -= cause * cause - left * left;
   }
-  return square;
+  return square <= static_cast<double>(tolerance) * static_cast<double>(tolerance);
 }
 
 /// Steps are whole, so that some axes do more than their part. Takes back those, of least worth first,
 /// without which the tolerance is expected to be reached.
-AxisSteps Needed(const TargetRound& best, AxisSteps steps, double tolerance) {
+AxisSteps Needed(const TargetRound& best, AxisSteps steps, float tolerance) {
   std::vector<int> order = ByWorth(best, steps);
   for (; !order.empty(); order.pop_back()) {
     AxisSteps without = steps;
     without[order.back()] = 0;
-    if (ExpectedSquare(best, without) <= tolerance * tolerance) steps = without;
+    if (ExpectedToReach(best, without, tolerance)) steps = without;
   }
   return steps;
-}
-
-/// Steps along the axes that can be refined and whose causes stand out: as many at once as the tolerance is
-/// away, but none for what would be little beside the floor.
-AxisSteps NotableSteps(const TargetRound& best, const BakeTarget& target) {
-  const double tolerance = static_cast<double>(target.tolerance);
-  const double least = std::max(kNotable * LargestCause(best), kNotableOfTolerance * tolerance);
-  AxisSteps steps{};
-  for (int a = 0; a < kBakeAxes; ++a)
-    if (!target.fixed[a] && Cause(best, a) > least) steps[a] = StepsTo(best, a, INFINITY);
-  if (tolerance <= 0) return steps;
-  const double part = PartToLeave(best, steps, tolerance);
-  const double enough = std::max(kShareOfTolerance * tolerance, kNotable * Floor(best, target));
-  for (int a = 0; a < kBakeAxes; ++a)
-    if (steps[a] > 0) steps[a] = StepsTo(best, a, std::max(part * Cause(best, a), enough));
-  return Needed(best, steps, tolerance);
 }
 
 /// To a tolerance that is worth all of the mesh's vertices, those come before all else: what fewer of them
@@ -250,15 +249,15 @@ std::vector<AxisSteps> MeshFirst(const TargetRound& best, const AxisSteps& wante
   return {steps};
 }
 
-/// Candidates for the next round, the one wanted most first: all steps wanted if they are expected to reach
-/// the tolerance, as cheaper ones would only cost more before a dear one that is needed; axes of about the
-/// same worth, by all steps wanted, then by one; then without the axis of least worth, and so on; then each
-/// notable axis alone.
+/// Candidates for the next round, the one wanted most first: what the tolerance needs if it is in reach, as
+/// cheaper axes would only cost more before a dear one without which it is not; axes of about the same worth,
+/// by all steps wanted, then by one; then without the axis of least worth, and so on; then each notable axis
+/// alone.
 std::vector<AxisSteps> Candidates(const TargetRound& best, AxisSteps steps, float tolerance) {
   const std::vector<int> order = ByWorth(best, steps);
   std::vector<AxisSteps> candidates = MeshFirst(best, steps, tolerance);
-  const double square = static_cast<double>(tolerance) * static_cast<double>(tolerance);
-  if (!order.empty() && ExpectedSquare(best, steps) <= square) candidates.push_back(steps);
+  if (!order.empty() && ExpectedToReach(best, steps, tolerance))
+    candidates.push_back(Needed(best, steps, tolerance));
   for (size_t n = order.size(); n > 0; --n) {
     if (Worth(best, order[n - 1]) >= kLikeWorth * Worth(best, order[0])) {
       candidates.push_back(steps);

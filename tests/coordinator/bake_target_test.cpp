@@ -111,6 +111,16 @@ TEST(NextStepTest, TakesADearAxisThatTheToleranceNeedsAtOnce) {
   EXPECT_EQ(splits({.tolerance = 0.01f}), 0) << "far from the tolerance the best for its cost comes first";
 }
 
+TEST(NextStepTest, TriesTheOtherAxesWhereThoseNeededWereNoBetter) {
+  std::vector<TargetRound> rounds{Round({0.036, 0.01, 0.034, 0.065, 0.02, 0.02}, 0.0876)};
+  const BakeTarget target{.tolerance = 0.0873f};
+  rounds.push_back(rounds[0]);
+  rounds[1].settings = *NextStep({rounds.data(), 1}, target, 0).settings;
+  rounds[1].kept = false;
+  EXPECT_EQ(Difference(rounds[0].settings, rounds[1].settings), (Steps{false, false, false, true, false}));
+  EXPECT_TRUE(NextStep(rounds, target, 0).settings);
+}
+
 TEST(NextStepTest, LeavesAloneWhatIsFixed) {
   BakeTarget target{.tolerance = 0.02f};
   target.fixed[Of(BakeAxis::kDirections)] = true;
