@@ -1,7 +1,6 @@
 #include "coordinator/bake.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <deque>
 #include <map>
@@ -13,6 +12,7 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "common/base/parallel.h"
+#include "common/base/steady_clock.h"
 #include "common/domain/bake_domain.h"
 #include "common/domain/direction_grid.h"
 #include "common/round/task.h"
@@ -31,10 +31,6 @@ namespace glint {
 namespace {
 
 namespace fs = std::filesystem;
-
-double Now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 /// Slices that the report's estimate tests.
 uint32_t EstimateSlices(const BakeOptions& options, const Scene& scene) {
@@ -71,7 +67,7 @@ class Progress {
     workers_.clear();
     slices_per_task_ = slices_per_task;
     computed_ = 0;
-    begin_ = Now();
+    begin_ = SteadySeconds();
     Emit();
   }
   /// @param again  the round is run once more, to mend chunks that were there but damaged
@@ -85,7 +81,7 @@ class Progress {
     } else if (!was_there && report_->tasks_reused > 0) {
       --report_->tasks_reused;
     }
-    const double seconds = std::max(Now() - begin_, 1e-6);
+    const double seconds = std::max(SteadySeconds() - begin_, 1e-6);
     state_.slices_per_second = static_cast<double>(computed_) * slices_per_task_ / seconds;
     state_.seconds_left =
         computed_ ? seconds / static_cast<double>(computed_) * static_cast<double>(state_.tasks - state_.done)
@@ -105,7 +101,7 @@ class Progress {
     worker.seconds += note.seconds;
   }
   void EndStage() {
-    if (!state_.stage.empty()) report_->stage_seconds.emplace_back(state_.stage, Now() - begin_);
+    if (!state_.stage.empty()) report_->stage_seconds.emplace_back(state_.stage, SteadySeconds() - begin_);
     state_.stage.clear();
   }
 
@@ -281,7 +277,7 @@ Result<BakeReport> BakeLoaded(const Scene& scene, const std::string& name, const
   progress.EndStage();
   std::error_code error;
   report.archive_bytes = fs::file_size(out_path, error);
-  report.seconds = Now() - begin;
+  report.seconds = SteadySeconds() - begin;
   report.json = FullReportJson(report);
   GLINT_RETURN_IF_ERROR(PublishFile(out_path.string() + ".json", std::as_bytes(std::span(report.json))));
   if (!options.keep_work) {
@@ -306,7 +302,7 @@ Result<BakeReport> BakeOrRefine(const Scene& scene, const std::string& name, con
   for (const bool fixed : options.target.fixed) hasher.Add(fixed);
   return RefineToTarget(hasher.Finish(), out_path, options,
                         [&](const BakeOptions& round, const fs::path& path) {
-                          const double now = Now();
+                          const double now = SteadySeconds();
                           return BakeLoaded(scene, name, path, round, callback, now, now);
                         });
 }
@@ -315,16 +311,17 @@ Result<BakeReport> BakeOrRefine(const Scene& scene, const std::string& name, con
 
 Result<BakeReport> BakeScene(const Scene& scene, const std::string& name, const fs::path& out_path,
                              const BakeOptions& options, const BakeProgressCallback& callback) {
-  const double begin = Now();
+  const double begin = SteadySeconds();
   return BakeOrRefine(scene, name, out_path, options, callback, begin, begin);
 }
 
 Result<BakeReport> Bake(const fs::path& scene_path, const fs::path& out_path, const BakeOptions& options,
                         const BakeProgressCallback& progress) {
-  const double begin = Now();
+  const double begin = SteadySeconds();
   if (progress) progress({"load", 0, 0, 0, 0});
   GLINT_ASSIGN_OR_RETURN(const Scene scene, LoadScene(scene_path, options.scene_limits));
-  return BakeOrRefine(scene, scene_path.filename().string(), out_path, options, progress, begin, Now());
+  return BakeOrRefine(scene, scene_path.filename().string(), out_path, options, progress, begin,
+                      SteadySeconds());
 }
 
 }  // namespace glint

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <functional>
@@ -12,6 +11,7 @@
 #include "common/archive/format.h"
 #include "common/base/files.h"
 #include "common/base/log.h"
+#include "common/base/steady_clock.h"
 #include "common/domain/direction_grid.h"
 #include "common/round/settings_json.h"
 #include "coordinator/work_folder.h"
@@ -22,10 +22,6 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 using AxisSteps = std::array<int, kBakeAxes>;  ///< how often each axis is refined
-
-double Now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 // ---- What to bake next ----
 
@@ -413,7 +409,7 @@ class TargetBake {
  public:
   TargetBake(const Digest& start_key, const fs::path& out_path, const BakeOptions& options,
              const RoundBake& bake)
-      : key_(start_key), out_(out_path), options_(options), bake_(bake), begin_(Now()) {}
+      : key_(start_key), out_(out_path), options_(options), bake_(bake), begin_(SteadySeconds()) {}
 
   Result<BakeReport> Run() {
     GLINT_ASSIGN_OR_RETURN(rounds_, LoadRounds(key_, out_));
@@ -438,7 +434,7 @@ class TargetBake {
  private:
   bool timed() const { return options_.target.max_seconds > 0; }
   double SecondsUsed() const {
-    double seconds = Now() - begin_;
+    double seconds = SteadySeconds() - begin_;
     for (size_t i = 0; i < found_; ++i) seconds += rounds_[i].seconds;
     return seconds;
   }
@@ -468,14 +464,14 @@ class TargetBake {
       if (timed() && SecondsLeft() <= 0) late = true;
       return late.load();
     };
-    const double begin = Now();
+    const double begin = SteadySeconds();
     const Result<BakeReport> report = bake_(options, NextPath(out_));
     if (!report.ok() && late) {
       Discard(key);
       return false;
     }
     if (!report.ok()) return report.status();
-    GLINT_RETURN_IF_ERROR(Judge(settings, *report, Now() - begin));
+    GLINT_RETURN_IF_ERROR(Judge(settings, *report, SteadySeconds() - begin));
     return true;
   }
 

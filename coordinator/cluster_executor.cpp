@@ -72,9 +72,6 @@ class ClusterExecutor : public Executor {
 }  // namespace
 
 void SleepSeconds(double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); }
-double SteadySeconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 ExecutorFactory MakeClusterExecutor(TaskPublisher* queue, const ClusterOptions& options) {
   return [=](const ExecutorInput& input) -> Result<std::unique_ptr<Executor>> {

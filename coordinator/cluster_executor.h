@@ -2,14 +2,13 @@
 
 #include <functional>
 
+#include "common/base/steady_clock.h"
 #include "common/queue/task_queue.h"
 #include "coordinator/executor.h"
 
 namespace glint {
 
 void SleepSeconds(double seconds);
-/// Of a clock that only goes forward.
-double SteadySeconds();
 
 struct ClusterOptions {
   int priority = 1;  ///< share of the workers, relative to other bakes', 1 to kMaxPriority

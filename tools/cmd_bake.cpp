@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "common/base/log.h"
+#include "common/base/steady_clock.h"
 #include "common/queue/nats_queue.h"
 #include "coordinator/bake.h"
 #include "coordinator/cluster_executor.h"

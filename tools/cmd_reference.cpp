@@ -2,6 +2,7 @@
 
 #include "common/base/files.h"
 #include "common/base/log.h"
+#include "common/base/steady_clock.h"
 #include "common/domain/bake_domain.h"
 #include "common/render/reference.h"
 #include "common/scene/load.h"

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "common/base/log.h"
+#include "common/base/steady_clock.h"
 #include "tools/bake_words.h"
 #include "tools/client.h"
 #include "tools/commands.h"

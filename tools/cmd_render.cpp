@@ -3,6 +3,7 @@
 
 #include "common/archive/archive.h"
 #include "common/base/log.h"
+#include "common/base/steady_clock.h"
 #include "common/render/archive_renderer.h"
 #include "tools/commands.h"
 #include "tools/report.h"

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -81,16 +80,5 @@ Status CheckOutput(const std::filesystem::path& path, const std::vector<std::str
 void PrintJson(const nlohmann::ordered_json& object);
 nlohmann::ordered_json ToJson(const View& view);
 nlohmann::ordered_json ToJson(const glm::vec3& v);
-
-/// Seconds since it was made.
-class Stopwatch {
- public:
-  double Seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 }  // namespace glint

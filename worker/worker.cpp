@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/base/log.h"
+#include "common/base/steady_clock.h"
 #include "common/round/quarantine.h"
 #include "common/round/round_files.h"
 #include "worker/bake_runner.h"
@@ -197,18 +198,17 @@ class Worker {
   /// The line to ask next; asks the queue what there is if that is not known, though not all the time.
   LineChooser::Choice ChooseLine() {
     LineChooser& lines = at_work_->lines();
-    if (const LineChooser::Choice choice = lines.Choose(Now()); choice.waits) return choice;
+    if (const LineChooser::Choice choice = lines.Choose(SteadySeconds()); choice.waits) return choice;
     const std::lock_guard lock(list_mutex_);
-    if (const LineChooser::Choice choice = lines.Choose(Now()); choice.waits) return choice;
+    if (const LineChooser::Choice choice = lines.Choose(SteadySeconds()); choice.waits) return choice;
     std::this_thread::sleep_until(next_look_);
     std::vector<uint64_t> messages;
     for (const QueuedBake& bake : ListFitting())
       if (bake.bake == at_work_->bake().bake) messages = bake.messages;
-    lines.Update(messages, Now());
+    lines.Update(messages, SteadySeconds());
     next_look_ = Clock::now() + Seconds(kListSeconds);
-    return lines.Choose(Now());
+    return lines.Choose(SteadySeconds());
   }
-  static double Now() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
 
   void MakeRoomForOthers() {
     const std::unique_lock lock(list_mutex_, std::try_to_lock);
@@ -224,10 +224,10 @@ class Worker {
       lease->GiveUp();  // of a round that is over
       return;
     }
-    const double began = Now();
+    const Stopwatch watch;
     at_work_->lines().Took(lease->message(), round->layer);
     Settle(lease, *round, Compute(lease, *round));
-    at_work_->lines().Finished(Now() - began);
+    at_work_->lines().Finished(watch.Seconds());
   }
 
   Outcome Compute(TaskLease* lease, const RoundManifest& round) {

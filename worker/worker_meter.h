@@ -1,8 +1,9 @@
 #pragma once
 
 #include <atomic>
-#include <chrono>
 #include <cstdint>
+
+#include "common/base/steady_clock.h"
 
 namespace glint {
 
@@ -23,15 +24,14 @@ class MeteredSpan {
  public:
   explicit MeteredSpan(std::atomic<double>* seconds) : seconds_(seconds) {}
   ~MeteredSpan() {
-    if (seconds_)
-      *seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+    if (seconds_) *seconds_ += watch_.Seconds();
   }
   MeteredSpan(const MeteredSpan&) = delete;
   MeteredSpan& operator=(const MeteredSpan&) = delete;
 
  private:
   std::atomic<double>* const seconds_;
-  const std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+  const Stopwatch watch_;
 };
 
 }  // namespace glint

@@ -4,7 +4,6 @@
 #include <sys/file.h>
 #include <unistd.h>
 
-#include <chrono>
 #include <cstdio>
 #include <ctime>
 #include <memory>
@@ -15,14 +14,15 @@
 #include "common/base/files.h"
 #include "common/base/log.h"
 #include "common/base/parallel.h"
+#include "common/base/steady_clock.h"
 #include "common/render/prefilter.h"
 #include "common/scene/ray_scene.h"
-#include "worker/execution_id.h"
 #include "tools/chart/method.h"
 #include "tools/chart/page.h"
 #include "tools/chart/pareto.h"
 #include "tools/chart/plot.h"
 #include "tools/chart/tables.h"
+#include "worker/execution_id.h"
 
 namespace glint::chart {
 namespace {
@@ -109,13 +109,13 @@ Result<Record> TraceReference(const Input& input) {
   if (input.reference.lobes) domain = BuildBakeDomain(input.scene, BrdfFitOptions{}, input.threads);
   ReferenceOptions options = input.reference;
   options.threads = input.threads;
-  const auto begin = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   GLINT_ASSIGN_OR_RETURN(ReferenceResult result,
                          RenderReference(input.scene, rays, domain ? &*domain : nullptr, input.environment,
                                          input.view, options));
-  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
+  const double seconds = watch.Seconds();
   return Record{Json{{"kind", "reference"},
-                     {"seconds", seconds.count()},
+                     {"seconds", seconds},
                      {"noise_rel_mse", result.noise_rel_mse},
                      {"noise_block4_rel_mse", result.noise_block4_rel_mse},
                      {"measured_at", UtcNow()}},

@@ -2,10 +2,10 @@
 
 #include <sys/resource.h>
 
-#include <chrono>
 #include <utility>
 
 #include "common/archive/archive.h"
+#include "common/base/steady_clock.h"
 #include "common/render/archive_renderer.h"
 #include "coordinator/bake.h"
 
@@ -48,13 +48,13 @@ Result<Record> BakeAndRender(const Task& task, const Settings& settings, const s
   GLINT_ASSIGN_OR_RETURN(const Archive archive, Archive::Open(path));
 
   ArchiveRenderer renderer(archive, task.prefiltered, {.samples = task.samples, .threads = task.threads});
-  const auto begin = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   GLINT_ASSIGN_OR_RETURN(Picture picture, renderer.Render(task.view));
-  const std::chrono::duration<double> render_seconds = std::chrono::steady_clock::now() - begin;
+  const double render_seconds = watch.Seconds();
   return Record{{{"seconds", report.seconds},
                  {"cpu_seconds", cpu_seconds},
                  {"bytes", report.archive_bytes},
-                 {"render_seconds", render_seconds.count()},
+                 {"render_seconds", render_seconds},
                  {"bake_report", nlohmann::ordered_json::parse(report.json, nullptr, false)}},
                 std::move(picture)};
 }
