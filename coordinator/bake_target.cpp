@@ -248,7 +248,7 @@ std::vector<AxisSteps> MeshFirst(const TargetRound& best, const AxisSteps& wante
 /// Candidates for the next round, the one wanted most first: what the tolerance needs if it is in reach, as
 /// cheaper axes would only cost more before a dear one without which it is not; axes of about the same worth,
 /// by all steps wanted, then by one; then without the axis of least worth, and so on; then each notable axis
-/// alone.
+/// alone; last, as one step may be too few to show, by more.
 std::vector<AxisSteps> Candidates(const TargetRound& best, AxisSteps steps, float tolerance) {
   const std::vector<int> order = ByWorth(best, steps);
   std::vector<AxisSteps> candidates = MeshFirst(best, steps, tolerance);
@@ -262,10 +262,11 @@ std::vector<AxisSteps> Candidates(const TargetRound& best, AxisSteps steps, floa
     }
     steps[order[n - 1]] = 0;
   }
-  for (size_t i = 1; i < order.size(); ++i) {
-    candidates.emplace_back();
-    candidates.back()[order[i]] = 1;
-  }
+  for (int times = 1; times <= (tolerance > 0 ? kMostSteps : 1); ++times)
+    for (const int axis : order) {
+      candidates.emplace_back();
+      candidates.back()[axis] = times;
+    }
   return candidates;
 }
 
@@ -274,6 +275,13 @@ bool Same(const BakeSettings& a, const BakeSettings& b) { return SettingsToJson(
 bool Tried(std::span<const TargetRound> rounds, const BakeSettings& settings) {
   return std::any_of(rounds.begin(), rounds.end(),
                      [&](const TargetRound& round) { return Same(round.settings, settings); });
+}
+
+/// Whether the mesh's own vertices were tried where chosen ones were better.
+bool MeshWasWorse(std::span<const TargetRound> rounds) {
+  return std::any_of(rounds.begin(), rounds.end(), [](const TargetRound& round) {
+    return !round.kept && round.settings.spatial_tolerance == 0;
+  });
 }
 
 std::string Text(double value) {
@@ -594,8 +602,11 @@ std::vector<fs::path> ResultFiles(const fs::path& out_path) {
 }
 
 TargetStep NextStep(std::span<const TargetRound> rounds, const BakeTarget& target, double seconds_left) {
-  const TargetRound* best = BestOf(rounds);
-  if (!best) return {{}, false, "the coarsest bake has more bytes than it may"};
+  const TargetRound* kept = BestOf(rounds);
+  if (!kept) return {{}, false, "the coarsest bake has more bytes than it may"};
+  TargetRound found = *kept;
+  if (MeshWasWorse(rounds)) found.mesh_vertices = 0;
+  const TargetRound* best = &found;
   if (target.tolerance > 0 && best->error <= static_cast<double>(target.tolerance))
     return {{}, true, "the tolerance is reached"};
   bool budget = false, tried = false;

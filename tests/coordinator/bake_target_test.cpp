@@ -121,6 +121,23 @@ TEST(NextStepTest, TriesTheOtherAxesWhereThoseNeededWereNoBetter) {
   EXPECT_TRUE(NextStep(rounds, target, 0).settings);
 }
 
+TEST(NextStepTest, GoesOnToATighterToleranceWhereTheMeshWasNoBetter) {
+  std::vector<TargetRound> rounds{Round({0.01, 0.01, 0.01, 0.097, 0.02, 0.01}, 0.098)};
+  rounds[0].mesh_vertices = 1.95;
+  const BakeTarget target{.tolerance = 0.09f};
+  rounds.push_back(rounds[0]);
+  rounds[1].settings = *NextStep({rounds.data(), 1}, target, 0).settings;
+  ASSERT_EQ(rounds[1].settings.spatial_tolerance, 0) << "about as many as all of the mesh's vertices";
+  rounds[1].kept = false;
+  for (const double times : {1.5, 1.5 * 1.5}) {
+    const TargetStep step = NextStep(rounds, target, 0);
+    ASSERT_TRUE(step.settings) << step.reason;
+    EXPECT_NEAR(step.settings->spatial_tolerance, 0.2 / times, 1e-6);
+    rounds.push_back(rounds[1]);
+    rounds.back().settings = *step.settings;
+  }
+}
+
 TEST(NextStepTest, LeavesAloneWhatIsFixed) {
   BakeTarget target{.tolerance = 0.02f};
   target.fixed[Of(BakeAxis::kDirections)] = true;
