@@ -120,7 +120,6 @@ LayerLight::LayerLight(const BakeDomain& domain, const DirectionGrid& grid, cons
       layer_(layer),
       lobes_(static_cast<int>(views.specular.size())),
       words_((grid.size() + kWordColumns - 1) / kWordColumns),
-      head_((words_ * sizeof(uint64_t) + sizeof(Entry) - 1) / sizeof(Entry)),
       samplers_(MakeSliceSamplers(domain.shapes)),
       views_(views),
       row_sums_(row_sums) {
@@ -131,9 +130,7 @@ LayerLight::LayerLight(const BakeDomain& domain, const DirectionGrid& grid, cons
   Entry absent{};
   if (layer == 0) absent = {{EncodeHalf(1), EncodeHalf(1), 0, 0}, {0, 0, 0}, EncodeHalf(1)};
   absent_.assign(static_cast<size_t>(std::max(lobes_, 1)), absent);
-  empty_row_.assign(words_, 0);
-  unreached_.assign(words_, 0);
-  packed_.resize(domain.row_count());
+  row_words_ = reinterpret_cast<uint64_t*>(memory_.Allocate(domain.row_count() * words_ * sizeof(uint64_t)));
   if (domain.has_diffuse()) diffuse_.assign(2 * static_cast<size_t>(domain.row_count()), absent_[0]);
   PackSurface();
   if (row_sums_.empty()) PackRows(threads);
@@ -148,16 +145,14 @@ void LayerLight::PackSurface() {
     triangles_.push_back(
         {t, domain_.FaceNormal(static_cast<uint32_t>(i)), domain_.triangle_double_sided[i], one_shape});
   }
-  const auto* nothing =
-      reinterpret_cast<const std::byte*>(row_sums_.empty() ? empty_row_.data() : unreached_.data());
   vertices_.reserve(domain_.vertex_count());
   for (uint32_t v = 0; v < domain_.vertex_count(); ++v)
     vertices_.push_back(
-        {{domain_.normals[v], nothing}, domain_.specular[v], domain_.diffuse[v], domain_.shape[v]});
+        {{domain_.normals[v], nullptr}, domain_.specular[v], domain_.diffuse[v], domain_.shape[v]});
   if (domain_.nodes.every_vertex()) return;
   facet_rows_.emplace(domain_);
   row_.reserve(domain_.row_count());
-  for (uint32_t r = 0; r < domain_.row_count(); ++r) row_.push_back({domain_.Row(r).normal, nothing});
+  for (uint32_t r = 0; r < domain_.row_count(); ++r) row_.push_back({domain_.Row(r).normal, nullptr});
 }
 
 /// The unoccluded lobe that a slice of layer 0 is relative to.
@@ -199,46 +194,55 @@ LayerLight::Entry LayerLight::Pack(const LayerViews& views, uint32_t slot, uint3
 
 void LayerLight::PackRows(int threads) {
   constexpr size_t kGrain = 256;
-  ParallelFor(packed_.size(), threads, kGrain, [&](size_t v, int) { PackRowOf(static_cast<uint32_t>(v)); });
+  ParallelFor(domain_.row_count(), threads, kGrain,
+              [&](size_t v, int) { PackRowOf(static_cast<uint32_t>(v)); });
 }
 
-/// Makes what the layer stores of a row ready for look-ups; its words last.
+/// Makes what the layer stores of a row ready for look-ups.
 void LayerLight::PackRowOf(uint32_t v) const {
   if (!diffuse_.empty())
     for (uint32_t side = 0; side < 2; ++side)
       if (const std::byte* stored = views_.table(0, views_.diffuse_slot()).Find(v, side))
         diffuse_[2 * size_t{v} + side] = Pack(views_, views_.diffuse_slot(), v, side, stored);
-  const std::byte* words = reinterpret_cast<const std::byte*>(empty_row_.data());
   const bool stored = std::any_of(views_.specular.begin(), views_.specular.end(),
                                   [&](const SliceTableView& table) { return !table.RowEmpty(v); });
-  if (stored) {
-    thread_local std::vector<Entry> slices;
-    UnpackRow(views_, v, &slices);
-    packed_[v] = PackRow(slices);
-    words = reinterpret_cast<const std::byte*>(packed_[v].data());
+  if (!stored) {
+    PublishEmpty(v);
+    return;
   }
-  __atomic_store_n(&RowAt(v).words, words, __ATOMIC_RELEASE);
+  thread_local std::vector<Entry> slices;
+  UnpackRow(views_, v, &slices);
+  Publish(v, PackRow(slices, WordsOf(v)));
 }
 
-/// Words of a row.
-inline const std::byte* LayerLight::Words(uint32_t v) const {
-  const std::byte* words = __atomic_load_n(&RowAt(v).words, __ATOMIC_ACQUIRE);
-  const bool reached = words != reinterpret_cast<const std::byte*>(unreached_.data());
-  return reached ? words : Reach(v);
+/// To look-ups in other threads. A row's words are written before.
+inline void LayerLight::Publish(uint32_t v, const Entry* entries) const {
+  __atomic_store_n(&RowAt(v).entries, entries, __ATOMIC_RELEASE);
 }
 
-/// The words of a row that none, or just another, look-up has reached.
-__attribute__((noinline)) const std::byte* LayerLight::Reach(uint32_t v) const {
+void LayerLight::PublishEmpty(uint32_t v) const {
+  std::fill_n(WordsOf(v), words_, 0);
+  Publish(v, absent_.data());
+}
+
+/// A row's entries; from then on its words are there.
+inline const LayerLight::Entry* LayerLight::Entries(uint32_t v) const {
+  const Entry* entries = __atomic_load_n(&RowAt(v).entries, __ATOMIC_ACQUIRE);
+  return entries ? entries : Reach(v);
+}
+
+/// The entries of a row that none, or just another, look-up has reached.
+__attribute__((noinline)) const LayerLight::Entry* LayerLight::Reach(uint32_t v) const {
   const std::lock_guard lock(reaching_[v % reaching_.size()]);
-  Row& row = RowAt(v);
-  if (row.words != reinterpret_cast<const std::byte*>(unreached_.data())) return row.words;
+  const Row& row = RowAt(v);
+  if (row.entries) return row.entries;
   if (RowSum(views_, v) == row_sums_[v]) {
     PackRowOf(v);
   } else {
     damaged_row_ = v;
-    __atomic_store_n(&row.words, reinterpret_cast<const std::byte*>(empty_row_.data()), __ATOMIC_RELEASE);
+    PublishEmpty(v);
   }
-  return row.words;
+  return row.entries;
 }
 
 Status LayerLight::status() const {
@@ -292,10 +296,9 @@ LayerLight::Entry LayerLight::Mean(const Entry& a, const Entry& b) {
   return mean;
 }
 
-/// A row's words, and the entries of directions that differ in some lobe from what an absent one stands for.
-std::vector<LayerLight::Entry> LayerLight::PackRow(const std::vector<Entry>& slices) const {
-  thread_local std::vector<uint64_t> words;
-  words.clear();
+/// Packs the entries of directions that differ in some lobe from what an absent one stands for.
+/// @param words  the row's, to be written
+const LayerLight::Entry* LayerLight::PackRow(const std::vector<Entry>& slices, uint64_t* words) const {
   const auto lobes = static_cast<size_t>(lobes_);
   uint64_t rank = 0;
   for (uint32_t first = 0; first < grid_.size(); first += kWordColumns) {
@@ -307,18 +310,17 @@ std::vector<LayerLight::Entry> LayerLight::PackRow(const std::vector<Entry>& sli
       for (size_t k = 0; k < lobes; ++k) absent &= slice[k] == absent_[0];
       stored |= uint64_t{!absent} << c;
     }
-    words.push_back(rank << kWordColumns | stored);
+    words[first / kWordColumns] = rank << kWordColumns | stored;
     rank += static_cast<uint64_t>(std::popcount(stored));
   }
-  std::vector<Entry> row(head_ + rank * lobes);
-  std::memcpy(static_cast<void*>(row.data()), words.data(), words_ * sizeof(uint64_t));
-  Entry* out = row.data() + head_;
+  auto* const entries = reinterpret_cast<Entry*>(memory_.Allocate(rank * lobes * sizeof(Entry)));
+  Entry* out = entries;
   for (uint32_t w = 0; w < words_; ++w)
     for (uint64_t left = words[w] & ((uint64_t{1} << kWordColumns) - 1); left; left &= left - 1) {
       const auto column = w * kWordColumns + static_cast<uint32_t>(std::countr_zero(left));
       out = std::copy_n(&slices[column * lobes], lobes, out);
     }
-  return row;
+  return entries;
 }
 
 // The same code twice: once for any x86-64, once where the processor counts bits and has wide registers; both
@@ -440,9 +442,7 @@ inline bool LayerLight::LocateAround(const glm::vec3& direction, uint32_t* hint,
   for (int j = 0; j < 3; ++j) {
     hit->word[j] = location.index[j] / kWordColumns;
     hit->bit[j] = location.index[j] % kWordColumns;
-    for (int i = 0; i < hit->rows; ++i)
-      __builtin_prefetch(__atomic_load_n(&RowAt(hit->row[i]).words, __ATOMIC_RELAXED) +
-                         sizeof(uint64_t) * hit->word[j]);
+    for (int i = 0; i < hit->rows; ++i) __builtin_prefetch(WordsOf(hit->row[i]) + hit->word[j]);
   }
   return hit->defined;
 }
@@ -450,10 +450,10 @@ inline bool LayerLight::LocateAround(const glm::vec3& direction, uint32_t* hint,
 inline void LayerLight::FindEntries(Pending* hit) const {
   uint64_t stored = 0;
   for (int i = 0; i < hit->rows; ++i) {
-    const std::byte* row = Words(hit->row[i]);
-    const Entry* entries = reinterpret_cast<const Entry*>(row) + head_;
+    const Entry* entries = Entries(hit->row[i]);
+    const uint64_t* words = WordsOf(hit->row[i]);
     for (int j = 0; j < 3; ++j) {
-      const auto word = table_internal::Load<uint64_t>(row + sizeof(uint64_t) * hit->word[j]);
+      const uint64_t word = words[hit->word[j]];
       const uint64_t below = word & ((uint64_t{1} << hit->bit[j]) - 1);
       const uint64_t rank = (word >> kWordColumns) + static_cast<uint64_t>(std::popcount(below));
       const Entry* entry = entries + rank * static_cast<uint64_t>(lobes_);

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/archive/archive.h"
+#include "common/base/slabs.h"
 #include "common/domain/bake_domain.h"
 #include "common/domain/direction_grid.h"
 #include "common/domain/facet_rows.h"
@@ -40,8 +41,8 @@ struct HitLight {
 /// moments: corners that are too far apart to be averaged are each kept, not grouped. Entries are decoded
 /// once into sixteen bytes that add up with two multiply-adds, all lobes of a (vertex, direction) side by
 /// side, those that nested tables leave out as well; look-ups run in batches whose stages prefetch what the
-/// next will read. Memory: 16 bytes a stored slice, and 8 bytes for each 48 directions of a bake vertex; with
-/// row sums, of those vertices only that look-ups have reached. Thread-safe.
+/// next will read. Memory: 16 bytes a stored slice, with row sums of those vertices only that look-ups have
+/// reached; and 8 bytes for each 48 directions of every bake vertex. Thread-safe.
 class LayerLight {
  public:
   /// @param row_sums  as Gatherer::BeginLayer
@@ -79,7 +80,7 @@ class LayerLight {
   };
   struct Row {
     glm::vec3 normal;
-    const std::byte* words;  ///< and entries behind them; shared, without entries, where nothing is stored
+    const Entry* entries;  ///< null: no look-up has reached it
   };
   struct alignas(64) Vertex {
     Row row;  ///< its own, where every vertex is baked; else the normal alone
@@ -92,12 +93,12 @@ class LayerLight {
   void PackSurface();
   void PackRows(int threads);
   void PackRowOf(uint32_t v) const;
-  const std::byte* Reach(uint32_t v) const;
+  const Entry* Reach(uint32_t v) const;
   void UnpackRow(const LayerViews& views, uint32_t v, std::vector<Entry>* slices) const;
   void PredictSlices(const SliceTableView::RowView& row, uint32_t slot, uint32_t v,
                      std::vector<Entry>* slices) const;
   static Entry Mean(const Entry& a, const Entry& b);
-  std::vector<Entry> PackRow(const std::vector<Entry>& slices) const;
+  const Entry* PackRow(const std::vector<Entry>& slices, uint64_t* words) const;
   Vmf Whole(uint32_t slot, uint32_t v, uint32_t column) const;
   /// A slice as one entry, however many lobes it has.
   /// @param stored  the first of them
@@ -106,7 +107,10 @@ class LayerLight {
   void LookWide(std::span<const LightQuery> queries, HitLight* out) const;
   void LookBatches(std::span<const LightQuery> queries, HitLight* out) const;
   Row& RowAt(uint32_t r) const { return facet_rows_ ? row_[r] : vertices_[r].row; }
-  const std::byte* Words(uint32_t r) const;
+  uint64_t* WordsOf(uint32_t r) const { return row_words_ + size_t{r} * words_; }
+  void Publish(uint32_t v, const Entry* entries) const;
+  void PublishEmpty(uint32_t v) const;
+  const Entry* Entries(uint32_t v) const;
   void FindRows(const LightQuery& query, Pending* hit) const;
   bool Orient(const LightQuery& query, Pending* hit) const;
   void Locate(const glm::vec3& wo, uint32_t* hint, Pending* hit) const;
@@ -125,22 +129,22 @@ class LayerLight {
   const int layer_;
   const int lobes_;
   const uint32_t words_;  ///< of a row
-  const size_t head_;     ///< entries that a row's words take up
   bool wide_ = false;     ///< this processor has AVX2 and counts bits
   std::vector<SliceSampler> samplers_;
   std::vector<Triangle> triangles_;
-  // What follows grows as rows are reached; nothing of a row changes once its words can be seen.
+  // What follows grows as rows are reached; nothing of a row changes once its entries can be seen.
   mutable std::vector<Vertex> vertices_;
   mutable std::vector<Row> row_;  ///< with facet_rows_
   std::vector<Entry> absent_;     ///< as many as lobes: what a direction without an entry stands for
-  std::vector<uint64_t> empty_row_;
-  mutable std::vector<std::vector<Entry>> packed_;  ///< of rows; their words take up entries, too
-  mutable std::vector<Entry> diffuse_;              ///< [2 row + side]; empty if nothing is diffuse
-  const LayerViews views_;                          ///< of use without row sums in the constructor alone
+  mutable Slabs memory_;
+  /// [words_ * row]. All rows' side by side: each look-up reads some of three rows', and there must be few
+  /// pages of them.
+  uint64_t* row_words_;
+  mutable std::vector<Entry> diffuse_;  ///< [2 row + side]; empty if nothing is diffuse
+  const LayerViews views_;              ///< of use without row sums in the constructor alone
   // With row sums:
   static constexpr uint32_t kNoRow = UINT32_MAX;
   const std::span<const uint64_t> row_sums_;
-  std::vector<uint64_t> unreached_;  ///< words of rows that no look-up has reached
   mutable std::array<std::mutex, 64> reaching_;
   mutable std::atomic<uint32_t> damaged_row_{kNoRow};
 };
