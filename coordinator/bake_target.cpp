@@ -39,7 +39,15 @@ constexpr std::array<AxisModel, kBakeAxes> kModels = {{
     {ErrorCause::kLobes, 0.7, 1.5, 1.3},
     {ErrorCause::kBits, 0.5, 1.1, 1.3},
 }};
-const AxisModel& Model(int axis) { return kModels[static_cast<size_t>(axis)]; }
+/// The same of vertices where all of the mesh's are baked: every face is split in four.
+constexpr AxisModel kSplitModel = {ErrorCause::kSpatial, 0.4, 4.2, 4};
+
+/// What a step from the round's settings along an axis does.
+const AxisModel& Model(const TargetRound& round, int axis) {
+  const bool splits =
+      static_cast<BakeAxis>(axis) == BakeAxis::kVertices && round.settings.spatial_tolerance == 0;
+  return splits ? kSplitModel : kModels[static_cast<size_t>(axis)];
+}
 
 /// An axis is refined while its cause is above this part of the largest, and of the tolerance: errors add up
 /// by their squares, so that what is below changes the whole by an eighth at most.
@@ -54,23 +62,25 @@ constexpr float kFinestDrop = 1.0f / 65536;
 constexpr int kMostRays = 1 << 17;
 constexpr int kCoarsestLevel = 2;
 constexpr float kFinestSpatialTolerance = 0.02f, kSpatialStep = 1.5f;
+constexpr int kMostSplits = 2;
 /// From this part of the mesh's vertices on, choosing among them is not worth what is lost by it.
 constexpr double kAboutTheMesh = 0.7;
 /// Below this tolerance a teapot's and goblets' vertices were worth all being baked.
 constexpr float kWorthTheMesh = 0.05f;
 
 double Cause(const TargetRound& round, int axis) {
-  return round.cause[static_cast<size_t>(Model(axis).cause)];
+  return round.cause[static_cast<size_t>(Model(round, axis).cause)];
 }
 
-/// One step finer than the settings, which are a round's or finer; false: there is none.
-bool Refine(const TargetRound& round, int axis, BakeSettings* s) {
+/// One step finer; false: there is none.
+bool Refine(int axis, BakeSettings* s) {
   const bool shared = s->method == GatherMethod::kShared;
   int& most_rays = shared ? s->max_rays : s->paper_rays;
   switch (static_cast<BakeAxis>(axis)) {
     case BakeAxis::kVertices:
-      // Where the mesh's own vertices were baked, the tolerance that would have had this error: about that.
-      if (s->spatial_tolerance == 0) s->spatial_tolerance = static_cast<float>(Cause(round, axis));
+      // A tolerance that chose about as many vertices as the mesh has chose worse ones, as it does not know
+      // how the surface turns.
+      if (s->spatial_tolerance == 0) return s->subdivide < kMostSplits && ++s->subdivide;
       if (s->spatial_tolerance <= kFinestSpatialTolerance) return false;
       s->spatial_tolerance /= kSpatialStep;
       return true;
@@ -103,14 +113,14 @@ double Growth(double of_a_step, int steps) { return std::pow(of_a_step, steps); 
 /// Whether steps along the vertices come to about as many as the mesh has: then all of those and no others
 /// are the better choice.
 bool ComesToTheMesh(const TargetRound& round, int steps) {
-  const double vertices = Growth(Model(static_cast<int>(BakeAxis::kVertices)).bytes, steps);
+  const double vertices = Growth(Model(round, static_cast<int>(BakeAxis::kVertices)).bytes, steps);
   return steps > 0 && round.mesh_vertices > 1 && vertices > kAboutTheMesh * round.mesh_vertices;
 }
 
 BakeSettings Refined(const TargetRound& round, const AxisSteps& steps) {
   BakeSettings settings = round.settings;
   for (int a = 0; a < kBakeAxes; ++a)
-    for (int i = 0; i < steps[a]; ++i) Refine(round, a, &settings);
+    for (int i = 0; i < steps[a]; ++i) Refine(a, &settings);
   if (ComesToTheMesh(round, steps[static_cast<size_t>(BakeAxis::kVertices)])) settings.spatial_tolerance = 0;
   return settings;
 }
@@ -124,8 +134,8 @@ RoundCost Expected(const TargetRound& round, const AxisSteps& steps) {
   RoundCost cost = {round.seconds, static_cast<double>(round.bytes)};
   for (int a = 0; a < kBakeAxes; ++a) {
     const bool to_mesh = a == static_cast<int>(BakeAxis::kVertices) && ComesToTheMesh(round, steps[a]);
-    cost.seconds *= to_mesh ? round.mesh_vertices : Growth(Model(a).seconds, steps[a]);
-    cost.bytes *= to_mesh ? round.mesh_vertices : Growth(Model(a).bytes, steps[a]);
+    cost.seconds *= to_mesh ? round.mesh_vertices : Growth(Model(round, a).seconds, steps[a]);
+    cost.bytes *= to_mesh ? round.mesh_vertices : Growth(Model(round, a).bytes, steps[a]);
   }
   return cost;
 }
@@ -143,7 +153,7 @@ double Floor(const TargetRound& round, const BakeTarget& target) {
   double squares = 0;
   for (int a = 0; a < kBakeAxes; ++a) {
     BakeSettings scratch = round.settings;
-    if (target.fixed[a] || !Refine(round, a, &scratch)) squares += Cause(round, a) * Cause(round, a);
+    if (target.fixed[a] || !Refine(a, &scratch)) squares += Cause(round, a) * Cause(round, a);
   }
   return std::sqrt(squares);
 }
@@ -163,9 +173,9 @@ int StepsTo(const TargetRound& best, int axis, double aim) {
   BakeSettings settings = best.settings;
   double left = Cause(best, axis);
   int steps = 0;
-  while ((steps == 0 || left * std::sqrt(Model(axis).gain) > aim) && steps < kMostSteps &&
-         Refine(best, axis, &settings)) {
-    left *= Model(axis).gain;
+  while ((steps == 0 || left * std::sqrt(Model(best, axis).gain) > aim) && steps < kMostSteps &&
+         Refine(axis, &settings)) {
+    left *= Model(best, axis).gain;
     ++steps;
   }
   return steps;
@@ -189,9 +199,39 @@ AxisSteps NotableSteps(const TargetRound& best, const BakeTarget& target) {
 
 /// Square of the error that a step takes out, for what it adds in time and bytes.
 double Worth(const TargetRound& best, int axis) {
-  const AxisModel& model = Model(axis);
+  const AxisModel& model = Model(best, axis);
   const double cause = Cause(best, axis);
   return cause * cause * (1 - model.gain * model.gain) / (model.seconds * model.bytes - 1);
+}
+
+/// Axes that are refined, of most worth first.
+std::vector<int> ByWorth(const TargetRound& best, const AxisSteps& steps) {
+  std::vector<int> order;
+  for (int a = 0; a < kBakeAxes; ++a)
+    if (steps[a] > 0) order.push_back(a);
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return Worth(best, a) > Worth(best, b); });
+  return order;
+}
+
+bool ExpectedToReach(const TargetRound& best, const AxisSteps& steps, float tolerance) {
+  double square = best.error * best.error;
+  for (int a = 0; a < kBakeAxes; ++a) {
+    const double cause = Cause(best, a), left = cause * Growth(Model(best, a).gain, steps[a]);
+    square -= cause * cause - left * left;
+  }
+  return square <= static_cast<double>(tolerance) * static_cast<double>(tolerance);
+}
+
+/// Steps are whole, so that some axes do more than their part. Takes back those, of least worth first,
+/// without which the tolerance is expected to be reached.
+AxisSteps Needed(const TargetRound& best, AxisSteps steps, float tolerance) {
+  std::vector<int> order = ByWorth(best, steps);
+  for (; !order.empty(); order.pop_back()) {
+    AxisSteps without = steps;
+    without[order.back()] = 0;
+    if (ExpectedToReach(best, without, tolerance)) steps = without;
+  }
+  return steps;
 }
 
 /// To a tolerance that is worth all of the mesh's vertices, those come before all else: what fewer of them
@@ -205,14 +245,15 @@ std::vector<AxisSteps> MeshFirst(const TargetRound& best, const AxisSteps& wante
   return {steps};
 }
 
-/// Candidates for the next round, the one wanted most first: axes of about the same worth, by all steps
-/// wanted, then by one; then without the axis of least worth, and so on; then each notable axis alone.
+/// Candidates for the next round, the one wanted most first: what the tolerance needs if it is in reach, as
+/// cheaper axes would only cost more before a dear one without which it is not; axes of about the same worth,
+/// by all steps wanted, then by one; then without the axis of least worth, and so on; then each notable axis
+/// alone; last, as one step may be too few to show, by more.
 std::vector<AxisSteps> Candidates(const TargetRound& best, AxisSteps steps, float tolerance) {
-  std::vector<int> order;
-  for (int a = 0; a < kBakeAxes; ++a)
-    if (steps[a] > 0) order.push_back(a);
-  std::sort(order.begin(), order.end(), [&](int a, int b) { return Worth(best, a) > Worth(best, b); });
+  const std::vector<int> order = ByWorth(best, steps);
   std::vector<AxisSteps> candidates = MeshFirst(best, steps, tolerance);
+  if (!order.empty() && ExpectedToReach(best, steps, tolerance))
+    candidates.push_back(Needed(best, steps, tolerance));
   for (size_t n = order.size(); n > 0; --n) {
     if (Worth(best, order[n - 1]) >= kLikeWorth * Worth(best, order[0])) {
       candidates.push_back(steps);
@@ -221,10 +262,11 @@ std::vector<AxisSteps> Candidates(const TargetRound& best, AxisSteps steps, floa
     }
     steps[order[n - 1]] = 0;
   }
-  for (size_t i = 1; i < order.size(); ++i) {
-    candidates.emplace_back();
-    candidates.back()[order[i]] = 1;
-  }
+  for (int times = 1; times <= (tolerance > 0 ? kMostSteps : 1); ++times)
+    for (const int axis : order) {
+      candidates.emplace_back();
+      candidates.back()[axis] = times;
+    }
   return candidates;
 }
 
@@ -233,6 +275,13 @@ bool Same(const BakeSettings& a, const BakeSettings& b) { return SettingsToJson(
 bool Tried(std::span<const TargetRound> rounds, const BakeSettings& settings) {
   return std::any_of(rounds.begin(), rounds.end(),
                      [&](const TargetRound& round) { return Same(round.settings, settings); });
+}
+
+/// Whether the mesh's own vertices were tried where chosen ones were better.
+bool MeshWasWorse(std::span<const TargetRound> rounds) {
+  return std::any_of(rounds.begin(), rounds.end(), [](const TargetRound& round) {
+    return !round.kept && round.settings.spatial_tolerance == 0;
+  });
 }
 
 std::string Text(double value) {
@@ -553,8 +602,11 @@ std::vector<fs::path> ResultFiles(const fs::path& out_path) {
 }
 
 TargetStep NextStep(std::span<const TargetRound> rounds, const BakeTarget& target, double seconds_left) {
-  const TargetRound* best = BestOf(rounds);
-  if (!best) return {{}, false, "the coarsest bake has more bytes than it may"};
+  const TargetRound* kept = BestOf(rounds);
+  if (!kept) return {{}, false, "the coarsest bake has more bytes than it may"};
+  TargetRound found = *kept;
+  if (MeshWasWorse(rounds)) found.mesh_vertices = 0;
+  const TargetRound* best = &found;
   if (target.tolerance > 0 && best->error <= static_cast<double>(target.tolerance))
     return {{}, true, "the tolerance is reached"};
   bool budget = false, tried = false;

@@ -39,8 +39,9 @@ struct TargetStep {
 BakeSettings FirstSettings(const BakeSettings& settings, const BakeTarget& target);
 
 /// Chooses the next round by the causes of the last kept one's error: of the axes whose cause stands out
-/// those are refined that take out most error for what they add in time and bytes, several if they are about
-/// equal; if that is more than the budget allows, fewer or cheaper ones. A function of its arguments alone.
+/// those that the tolerance needs, if they are expected to reach it; else those that take out most error for
+/// what they add in time and bytes, several if they are about equal; if that is more than the budget allows,
+/// fewer or cheaper ones. A function of its arguments alone.
 /// @param rounds        at least one, all earlier ones
 /// @param seconds_left  of BakeTarget::max_seconds; ignored without that
 TargetStep NextStep(std::span<const TargetRound> rounds, const BakeTarget& target, double seconds_left);

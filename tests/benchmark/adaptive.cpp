@@ -8,7 +8,7 @@
 //
 // SCENE: a glTF file, or the name of a generated one. With an exponent above 0 all materials become Phong
 // with that exponent. A uniform bake is DIRECTIONS or DIRECTIONS:N, faces split in four N times. A tolerance
-// above 1 stands for the error of the uniform bake of so many directions.
+// is a number, or one of the uniform bakes, whose error it then is.
 
 #include <unistd.h>
 
@@ -36,8 +36,9 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Arguments {
-  std::vector<std::string> scenes, uniform = {"42", "162", "642", "2562", "162:1", "642:1"};
-  std::vector<float> exponents = {0}, tolerances = {642};
+  std::vector<std::string> scenes, uniform = {"42", "162", "642", "2562", "162:1", "642:1"},
+                                   tolerances = {"642"};
+  std::vector<float> exponents = {0};
   uint32_t vertices = 6000, slices = 2000;
   BakeOptions bake;
 };
@@ -196,12 +197,13 @@ Scene MakeScene(const std::string& word, float exponent, const Arguments& args) 
   return scene;
 }
 
-/// A tolerance above 1 names a uniform bake, whose error it is.
-float Wanted(float tolerance, const std::vector<Bake>& uniform) {
-  if (tolerance <= 1) return tolerance;
+/// What a word of --tolerances stands for.
+float Wanted(const std::string& tolerance, const std::vector<Bake>& uniform) {
   for (const Bake& u : uniform)
-    if (u.name == std::to_string(static_cast<int>(tolerance))) return static_cast<float>(u.error.all.rms);
-  std::fprintf(stderr, "--tolerances %g: is not among the uniform bakes\n", tolerance);
+    if (u.name == tolerance) return static_cast<float>(u.error.all.rms);
+  const float number = Numbers(tolerance).at(0);
+  if (number <= 1) return number;
+  std::fprintf(stderr, "--tolerances %s: is not among the uniform bakes\n", tolerance.c_str());
   std::exit(2);
 }
 
@@ -215,7 +217,7 @@ void RunScene(const std::string& word, float exponent, const Arguments& args) {
     std::printf(" | | |");
     PrintCauses(uniform.back());
   }
-  for (const float tolerance : args.tolerances) {
+  for (const std::string& tolerance : args.tolerances) {
     double search = 0;
     const Bake bake = BakeToTolerance(scene, Wanted(tolerance, uniform), args, &search);
     Print(name, exponent, bake, search);
@@ -231,7 +233,7 @@ Arguments Parse(int argc, char** argv) {
   args.bake.threads = 1;
   const Options options = {
       {"--exponents", [&](const std::string& value) { args.exponents = Numbers(value); }},
-      {"--tolerances", [&](const std::string& value) { args.tolerances = Numbers(value); }},
+      {"--tolerances", [&](const std::string& value) { args.tolerances = Split(value); }},
       {"--uniform", [&](const std::string& value) { args.uniform = Split(value); }},
       {"--vertices", Set(&args.vertices)},
       {"--layers", Set(&args.bake.max_layers)},

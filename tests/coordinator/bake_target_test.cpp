@@ -70,13 +70,72 @@ TEST(NextStepTest, TakesTheMeshAsItIsBeforeAllElseForATightTolerance) {
   next = *NextStep(rounds, {.tolerance = 0.02f, .max_seconds = 200}, 100).settings;
   EXPECT_GT(next.spatial_tolerance, 0);
   EXPECT_GT(NextStep(rounds, {.tolerance = 0.08f}, 0).settings->spatial_tolerance, 0);
+}
 
-  // From the mesh on: what would have given about this error, and from there three steps.
+TEST(NextStepTest, SplitsFacesFromTheMeshOn) {
+  std::vector<TargetRound> rounds{Round({0.01, 0.01, 0.02, 0.09, 0.2, 0.02}, 0.1)};
   rounds[0].settings.spatial_tolerance = 0;
   rounds[0].mesh_vertices = 1;
-  rounds[0].cause = Round({0.01, 0.01, 0.02, 0.09, 0.2, 0.02}).cause;
-  next = *NextStep(rounds, {.tolerance = 0.08f}, 0).settings;
-  EXPECT_NEAR(next.spatial_tolerance, 0.09 / (1.5 * 1.5 * 1.5), 1e-4);
+  const auto splits = [&](float tolerance, double seconds_left = 1000) {
+    const TargetStep step = NextStep(rounds, {.tolerance = tolerance, .max_seconds = 1000}, seconds_left);
+    if (!step.settings) return -1;
+    EXPECT_EQ(step.settings->spatial_tolerance, 0);
+    return step.settings->subdivide;
+  };
+  EXPECT_EQ(splits(0.08f), 1);
+  EXPECT_EQ(splits(0.02f), 2) << "as often as the cause is away";
+  EXPECT_EQ(splits(0.02f, 60), 1) << "ten seconds become 42, not 176";
+  EXPECT_EQ(splits(0.02f, 20), -1);
+  rounds[0].settings.subdivide = 2;
+  EXPECT_EQ(splits(0.02f), -1) << "sixteen times the mesh's vertices are the most";
+}
+
+TEST(NextStepTest, LeavesOutWhatTheToleranceDoesNotNeed) {
+  std::vector<TargetRound> rounds{Round({0.03, 0.01, 0.045, 0.084, 0.03, 0.02}, 0.104)};
+  rounds[0].settings.spatial_tolerance = 0;
+  const auto step = [&](float tolerance) { return *NextStep(rounds, {.tolerance = tolerance}, 0).settings; };
+  EXPECT_EQ(step(0.08f).subdivide, 1);
+  EXPECT_EQ(step(0.08f).grid_level, rounds[0].settings.grid_level) << "splitting all faces is enough";
+  EXPECT_EQ(step(0.06f).subdivide, 1);
+  EXPECT_GT(step(0.06f).grid_level, rounds[0].settings.grid_level);
+}
+
+TEST(NextStepTest, TakesADearAxisThatTheToleranceNeedsAtOnce) {
+  std::vector<TargetRound> rounds{Round({0.033, 0.01, 0.03, 0.051, 0.033, 0.035}, 0.074)};
+  rounds[0].settings.spatial_tolerance = 0;
+  const auto splits = [&](const BakeTarget& target) {
+    return NextStep(rounds, target, 30).settings->subdivide;
+  };
+  EXPECT_EQ(splits({.tolerance = 0.054f}), 1);
+  EXPECT_EQ(splits({.tolerance = 0.054f, .max_seconds = 100}), 0) << "not in the time";
+  EXPECT_EQ(splits({.tolerance = 0.01f}), 0) << "far from the tolerance the best for its cost comes first";
+}
+
+TEST(NextStepTest, TriesTheOtherAxesWhereThoseNeededWereNoBetter) {
+  std::vector<TargetRound> rounds{Round({0.036, 0.01, 0.034, 0.065, 0.02, 0.02}, 0.0876)};
+  const BakeTarget target{.tolerance = 0.0873f};
+  rounds.push_back(rounds[0]);
+  rounds[1].settings = *NextStep({rounds.data(), 1}, target, 0).settings;
+  rounds[1].kept = false;
+  EXPECT_EQ(Difference(rounds[0].settings, rounds[1].settings), (Steps{false, false, false, true, false}));
+  EXPECT_TRUE(NextStep(rounds, target, 0).settings);
+}
+
+TEST(NextStepTest, GoesOnToATighterToleranceWhereTheMeshWasNoBetter) {
+  std::vector<TargetRound> rounds{Round({0.01, 0.01, 0.01, 0.097, 0.02, 0.01}, 0.098)};
+  rounds[0].mesh_vertices = 1.95;
+  const BakeTarget target{.tolerance = 0.09f};
+  rounds.push_back(rounds[0]);
+  rounds[1].settings = *NextStep({rounds.data(), 1}, target, 0).settings;
+  ASSERT_EQ(rounds[1].settings.spatial_tolerance, 0) << "about as many as all of the mesh's vertices";
+  rounds[1].kept = false;
+  for (const double times : {1.5, 1.5 * 1.5}) {
+    const TargetStep step = NextStep(rounds, target, 0);
+    ASSERT_TRUE(step.settings) << step.reason;
+    EXPECT_NEAR(step.settings->spatial_tolerance, 0.2 / times, 1e-6);
+    rounds.push_back(rounds[1]);
+    rounds.back().settings = *step.settings;
+  }
 }
 
 TEST(NextStepTest, LeavesAloneWhatIsFixed) {
