@@ -129,12 +129,19 @@ struct RoundCost {
   double seconds, bytes;
 };
 
+/// How often as long a round with all of the mesh's vertices is expected to take. A coarse one's time is
+/// mostly reading, placing and its estimate's.
+double SecondsToMesh(const TargetRound& round) {
+  if (round.seconds <= 0) return round.mesh_vertices;
+  return 1 + round.layer_seconds / round.seconds * (round.mesh_vertices - 1);
+}
+
 /// What a round by those steps is expected to cost.
 RoundCost Expected(const TargetRound& round, const AxisSteps& steps) {
   RoundCost cost = {round.seconds, static_cast<double>(round.bytes)};
   for (int a = 0; a < kBakeAxes; ++a) {
     const bool to_mesh = a == static_cast<int>(BakeAxis::kVertices) && ComesToTheMesh(round, steps[a]);
-    cost.seconds *= to_mesh ? round.mesh_vertices : Growth(Model(round, a).seconds, steps[a]);
+    cost.seconds *= to_mesh ? SecondsToMesh(round) : Growth(Model(round, a).seconds, steps[a]);
     cost.bytes *= to_mesh ? round.mesh_vertices : Growth(Model(round, a).bytes, steps[a]);
   }
   return cost;
@@ -284,6 +291,14 @@ bool MeshWasWorse(std::span<const TargetRound> rounds) {
   });
 }
 
+/// Seconds of a bake's layers, and of merging them.
+double LayerSeconds(const BakeReport& report) {
+  double sum = 0;
+  for (const auto& [stage, seconds] : report.stage_seconds)
+    if (stage.starts_with("layer ") || stage.starts_with("merge ")) sum += seconds;
+  return sum;
+}
+
 std::string Text(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.3g", value);
@@ -322,6 +337,7 @@ Json ToJson(const TargetRound& round) {
           {"error", round.error},
           {"cause", round.cause},
           {"seconds", round.seconds},
+          {"layer_seconds", round.layer_seconds},
           {"bytes", round.bytes},
           {"mesh_vertices", round.mesh_vertices},
           {"archive_key", round.archive_key},
@@ -337,6 +353,7 @@ std::optional<TargetRound> RoundFromJson(const Json& json) {
     json.at("error").get_to(round.error);
     json.at("cause").get_to(round.cause);
     json.at("seconds").get_to(round.seconds);
+    json.at("layer_seconds").get_to(round.layer_seconds);
     json.at("bytes").get_to(round.bytes);
     json.at("mesh_vertices").get_to(round.mesh_vertices);
     json.at("archive_key").get_to(round.archive_key);
@@ -490,6 +507,7 @@ class TargetBake {
     round.error = report.error->all.rms;
     round.cause = report.error->all.cause;
     round.seconds = seconds;
+    round.layer_seconds = std::min(LayerSeconds(report), seconds);
     round.bytes = report.archive_bytes;
     round.mesh_vertices = static_cast<double>(report.vertices) /
                           static_cast<double>(std::max<uint64_t>(report.baked_vertices, 1));

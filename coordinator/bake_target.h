@@ -20,6 +20,7 @@ struct TargetRound {
   double error = 0;                          ///< ErrorSummary::rms of all layers
   std::array<double, kErrorCauses> cause{};  ///< the same summary's
   double seconds = 0;                        ///< wall time
+  double layer_seconds = 0;                  ///< of it, what went to layers: grows with the vertices
   uint64_t bytes = 0;                        ///< of the archive
   double mesh_vertices = 0;                  ///< of the mesh, in units of those baked
   std::string archive_key;                   ///< hexadecimal

@@ -27,7 +27,7 @@ TargetRound Round(const std::array<double, kErrorCauses>& cause, double error = 
   round.settings.spatial_tolerance = 0.2f;
   round.error = error;
   round.cause = cause;
-  round.seconds = 10;
+  round.seconds = round.layer_seconds = 10;
   round.bytes = 1'000'000;
   round.kept = true;
   return round;
@@ -69,6 +69,9 @@ TEST(NextStepTest, TakesTheMeshAsItIsBeforeAllElseForATightTolerance) {
   // Not if that is beyond the budget, nor for a tolerance that fewer vertices may do for.
   next = *NextStep(rounds, {.tolerance = 0.02f, .max_seconds = 200}, 100).settings;
   EXPECT_GT(next.spatial_tolerance, 0);
+  rounds[0].layer_seconds = 1;  // of ten, which become 9 + 12
+  next = *NextStep(rounds, {.tolerance = 0.02f, .max_seconds = 200}, 22).settings;
+  EXPECT_EQ(next.spatial_tolerance, 0) << "reading, placing and the estimate take no longer";
   EXPECT_GT(NextStep(rounds, {.tolerance = 0.08f}, 0).settings->spatial_tolerance, 0);
 }
 
