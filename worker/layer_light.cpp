@@ -130,7 +130,8 @@ LayerLight::LayerLight(const BakeDomain& domain, const DirectionGrid& grid, cons
   Entry absent{};
   if (layer == 0) absent = {{EncodeHalf(1), EncodeHalf(1), 0, 0}, {0, 0, 0}, EncodeHalf(1)};
   absent_.assign(static_cast<size_t>(std::max(lobes_, 1)), absent);
-  row_words_ = reinterpret_cast<uint64_t*>(memory_.Allocate(domain.row_count() * words_ * sizeof(uint64_t)));
+  row_words_ =
+      reinterpret_cast<uint64_t*>(memory_.Allocate(size_t{domain.row_count()} * words_ * sizeof(uint64_t)));
   if (domain.has_diffuse()) diffuse_.assign(2 * static_cast<size_t>(domain.row_count()), absent_[0]);
   PackSurface();
   if (row_sums_.empty()) PackRows(threads);
