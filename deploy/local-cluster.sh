@@ -40,7 +40,8 @@ stop() {
   kill "$nats_pid" 2>/dev/null || true
   wait
 }
-trap stop INT TERM EXIT
+trap stop EXIT
+trap 'stop; exit 0' INT TERM
 
 "$nats" -c "$folder/nats.conf" > "$folder/nats.log" 2>&1 &
 nats_pid=$!

@@ -29,7 +29,10 @@ done
 cmp "$folder/local.glint" "$folder/cluster.glint"
 
 kill -TERM "$cluster"
-wait "$cluster" || true
+if ! wait "$cluster" || grep -q "has ended" "$folder/log"; then
+  echo "an end on demand is told as a failure" >&2
+  exit 1
+fi
 if grep -l "$folder/cluster" /proc/[0-9]*/cmdline 2> /dev/null; then
   echo "processes are left over" >&2
   exit 1
