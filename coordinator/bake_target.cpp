@@ -489,14 +489,14 @@ class TargetBake {
       if (timed() && SecondsLeft() <= 0) late = true;
       return late.load();
     };
-    const double begin = SteadySeconds();
+    const Stopwatch watch;
     const Result<BakeReport> report = bake_(options, NextPath(out_));
     if (!report.ok() && late) {
       Discard(key);
       return false;
     }
     if (!report.ok()) return report.status();
-    GLINT_RETURN_IF_ERROR(Judge(settings, *report, SteadySeconds() - begin));
+    GLINT_RETURN_IF_ERROR(Judge(settings, *report, watch.Seconds()));
     return true;
   }
 

@@ -25,12 +25,12 @@ std::byte* Slabs::Allocate(size_t bytes) {
   const std::lock_guard lock(mutex_);
   if (bytes > left_) {
     size_t size = std::max(bytes, std::clamp(total_, kSmallestSlab, kLargestSlab));
-    const bool large = size >= kLargePage;
-    if (large) size = RoundUp(size, kLargePage);
-    auto* slab = static_cast<std::byte*>(
-        std::aligned_alloc(large ? kLargePage : kAlignment, RoundUp(size, kAlignment)));
+    const size_t alignment = size >= kLargePage ? kLargePage : kAlignment;
+    size = RoundUp(size, alignment);
+    auto* slab = static_cast<std::byte*>(std::aligned_alloc(alignment, size));
     if (!slab) throw std::bad_alloc();
-    if (large) madvise(slab, size, MADV_HUGEPAGE);  // a wish: without it everything works, slower
+    // A wish: without it everything works, slower.
+    if (alignment == kLargePage) madvise(slab, size, MADV_HUGEPAGE);
     slabs_.emplace_back(slab);
     next_ = slab;
     left_ = size;
