@@ -85,6 +85,8 @@ class Fan {
 
  private:
   static constexpr uint8_t kOutside = 255;
+  /// Eight rays in a row of a lattice this fine stay together long enough for coherent packets to win.
+  static constexpr int kCoherentCells = 900;
   /// Cells whose faces turn by more (30 degrees) see a mirror image change too fast for one look.
   static constexpr float kLikeNormals = 0.85f;
 
@@ -99,7 +101,11 @@ class Fan {
       rays[i].origin = side_.origin;
       rays[i].direction = frame_.ToWorld(Direction(level, l.rays[i]));
     }
-    input_.rays.Intersect(rays.data(), found.data(), static_cast<int>(count));
+    if (lattice_.cells() < kCoherentCells) {
+      input_.rays.Intersect(rays.data(), found.data(), static_cast<int>(count));
+    } else {
+      input_.rays.IntersectCoherent(rays.data(), found.data(), static_cast<int>(count));
+    }
     for (size_t i = 0; i < count; ++i) {
       const auto [sample, partner] = l.rays[i];
       l.hits[sample] = l.hits[sample + partner] = found[i];

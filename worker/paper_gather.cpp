@@ -26,9 +26,10 @@ constexpr int kMaxDrawsPerRay = 16;
 
 class PaperGatherer : public Gatherer {
  public:
-  PaperGatherer(const GatherInput& input, const BakeSettings& settings)
+  PaperGatherer(const GatherInput& input, const BakeSettings& settings, PaperTracing tracing)
       : input_(input),
         settings_(settings),
+        tracing_(tracing),
         surface_(input.domain, input.rays.epsilon()),
         samplers_(MakeSliceSamplers(input.domain.shapes)) {}
 
@@ -123,7 +124,12 @@ class PaperGatherer : public Gatherer {
         fan->rays.push_back(ray);
     }
     fan->hits.resize(fan->rays.size());
-    input_.rays.Intersect(fan->rays.data(), fan->hits.data(), static_cast<int>(fan->rays.size()));
+    if (tracing_ == PaperTracing::kPackets) {
+      input_.rays.IntersectCoherent(fan->rays.data(), fan->hits.data(), static_cast<int>(fan->rays.size()));
+    } else {
+      std::transform(fan->rays.begin(), fan->rays.end(), fan->hits.begin(),
+                     [&](const Ray& ray) { return input_.rays.Intersect(ray); });
+    }
   }
 
   void Merge(uint32_t v, const SliceLobe& lobe, Fan* fan, uint16_t column, BlockRows* rows,
@@ -169,6 +175,7 @@ class PaperGatherer : public Gatherer {
 
   const GatherInput input_;
   const BakeSettings settings_;
+  const PaperTracing tracing_;
   const SurfaceVertices surface_;
   std::vector<SliceSampler> samplers_;  ///< of input_.domain.shapes
   int layer_ = 0;
@@ -177,8 +184,9 @@ class PaperGatherer : public Gatherer {
 
 }  // namespace
 
-std::unique_ptr<Gatherer> MakePaperGatherer(const GatherInput& input, const BakeSettings& settings) {
-  return std::make_unique<PaperGatherer>(input, settings);
+std::unique_ptr<Gatherer> MakePaperGatherer(const GatherInput& input, const BakeSettings& settings,
+                                            PaperTracing tracing) {
+  return std::make_unique<PaperGatherer>(input, settings, tracing);
 }
 
 }  // namespace glint

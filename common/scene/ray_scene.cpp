@@ -171,29 +171,18 @@ RayScene::~RayScene() = default;
 RayScene::RayScene(RayScene&&) noexcept = default;
 
 Hit RayScene::Intersect(const Ray& ray) const {
-  Hit hit;
-  Intersect(&ray, &hit, 1);
-  return hit;
-}
-
-void RayScene::Intersect(const Ray* rays, Hit* hits, int count) const {
-  if (!impl_->scene) {
-    std::fill_n(hits, std::max(count, 0), Hit{});
-    return;
-  }
+  if (!impl_->scene) return {};
   const FlushDenormals guard;
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
-  for (int i = 0; i < count; ++i) {
-    RTCRayHit query;
-    query.ray = ToEmbree(rays[i], to_unit_);
-    query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-    query.hit.primID = RTC_INVALID_GEOMETRY_ID;
-    query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    rtcIntersect1(impl_->scene, &context, &query);
-    const bool hit = query.hit.geomID != RTC_INVALID_GEOMETRY_ID;
-    hits[i] = hit ? MakeHit(query.hit.primID, query.hit.u, query.hit.v, query.ray.tfar / to_unit_) : Hit{};
-  }
+  RTCRayHit query;
+  query.ray = ToEmbree(ray, to_unit_);
+  query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+  query.hit.primID = RTC_INVALID_GEOMETRY_ID;
+  query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  rtcIntersect1(impl_->scene, &context, &query);
+  const bool hit = query.hit.geomID != RTC_INVALID_GEOMETRY_ID;
+  return hit ? MakeHit(query.hit.primID, query.hit.u, query.hit.v, query.ray.tfar / to_unit_) : Hit{};
 }
 
 bool RayScene::Occluded(const Ray& ray) const {
@@ -206,7 +195,15 @@ bool RayScene::Occluded(const Ray& ray) const {
   return query.tfar < 0;  // Embree's sign of a hit: tfar becomes minus infinity
 }
 
+void RayScene::Intersect(const Ray* rays, Hit* hits, int count) const {
+  IntersectPackets(rays, hits, count, RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT);
+}
+
 void RayScene::IntersectCoherent(const Ray* rays, Hit* hits, int count) const {
+  IntersectPackets(rays, hits, count, RTC_INTERSECT_CONTEXT_FLAG_COHERENT);
+}
+
+void RayScene::IntersectPackets(const Ray* rays, Hit* hits, int count, int flags) const {
   if (!impl_->scene) {
     std::fill_n(hits, std::max(count, 0), Hit{});
     return;
@@ -214,7 +211,7 @@ void RayScene::IntersectCoherent(const Ray* rays, Hit* hits, int count) const {
   const FlushDenormals guard;
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
-  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  context.flags = static_cast<RTCIntersectContextFlags>(flags);
   for (int first = 0; first < count; first += kPacket) {
     const int used = std::min(kPacket, count - first);
     alignas(32) int valid[kPacket];

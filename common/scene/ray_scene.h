@@ -51,11 +51,11 @@ class RayScene {
   Hit Intersect(const Ray& ray) const;
   /// True if anything lies in [t_near, t_far].
   bool Occluded(const Ray& ray) const;
-  /// The same for `count` rays, one by one: for fans over a hemisphere and other rays that part soon.
+  /// The same for `count` rays, in packets of eight whose rays go their own ways: for fans over a hemisphere
+  /// and other rays that part soon. Rays of a packet may influence each other's rounding.
   void Intersect(const Ray* rays, Hit* hits, int count) const;
-  /// The same for rays that stay together, such as a camera's: eight at a time as coherent packets, whose
-  /// rays may influence each other's rounding. In a hemisphere of a few thousand rays packets are slower than
-  /// single rays.
+  /// The same for rays that stay together, such as a camera's or some thousand over a hemisphere: eight at a
+  /// time as coherent packets.
   void IntersectCoherent(const Ray* rays, Hit* hits, int count) const;
 
   /// A distance that is surely above the rounding of positions here: offset rays' origins by it along the
@@ -68,6 +68,8 @@ class RayScene {
 
  private:
   struct Impl;
+  void IntersectPackets(const Ray* rays, Hit* hits, int count, int flags) const;
+
   std::unique_ptr<Impl> impl_;
   Status status_;
   float epsilon_ = 0;

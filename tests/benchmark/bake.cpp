@@ -6,11 +6,12 @@
 //   glint_benchmark_bake [--scenes teapot,goblets,knot] [--exponents 32,128,512] [--vertices 25000] [--layers
 //   3]
 //                        [--paper-every 16] [--slices 2000] [--truth-rays 16384] [--threads N] [--wall]
-//                        [--json FILE]
+//                        [--paper-one-by-one] [--json FILE]
 //
 // The 2011 scheme runs on one in `paper-every` vertices, some of every block, and its time is scaled up by
 // the share of vertices that it covered; 1 runs it everywhere. Both schemes gather the same tables of the
 // layer before.
+// Its rays are traced in packets, as the default's are; `--paper-one-by-one` traces each by itself.
 // `--wall` also bakes the whole scene to an archive in a temporary folder and reports its wall seconds.
 
 #include "coordinator/bake.h"
@@ -46,6 +47,7 @@
 #include "coordinator/layer.h"
 #include "tests/benchmark/benchmark_support.h"
 #include "worker/gather.h"
+#include "worker/paper_gather.h"
 #include "worker/slice_lobes.h"
 
 namespace glint {
@@ -59,6 +61,7 @@ struct Arguments {
   uint32_t vertices = 25000;
   int layers = 3, paper_every = 16, slices = 2000, truth_rays = 16384, threads = 0;
   bool wall = false;
+  PaperTracing paper_tracing = PaperTracing::kPackets;
   std::string json;
   BakeSettings settings;
 };
@@ -115,7 +118,7 @@ class Contest {
     truth.seed = args.settings.seed + 2;
     truth_[1] = MakeGatherer(input_, truth, 0);
     shared_ = MakeGatherer(input_, args.settings, uint64_t{8} << 30);
-    paper_ = MakeGatherer(input_, paper, 0);
+    paper_ = MakePaperGatherer(input_, paper, args.paper_tracing);
   }
 
   Outcome Run() {
@@ -287,6 +290,10 @@ Arguments Parse(int argc, char** argv) {
     const std::string key = argv[i];
     if (key == "--wall") {
       args.wall = true;
+      continue;
+    }
+    if (key == "--paper-one-by-one") {
+      args.paper_tracing = PaperTracing::kOneByOne;
       continue;
     }
     if (i + 1 >= argc) {
