@@ -15,6 +15,8 @@ enum class GatherMethod : uint8_t {
   kPaper = 1,   ///< laurijssen2011: rays drawn from each slice's lobe, in every layer again
 };
 
+inline constexpr int kMaxOwnRays = 256;  ///< BakeSettings::own_rays
+
 /// How slices are read out of what was gathered; BakeSettings has the meanings.
 struct ReadOut {
   float drop = 0;
@@ -35,6 +37,8 @@ struct BakeSettings {
   int max_rays = 8192;
   /// kShared: rays are split in four, this often, where one is blocked and its neighbour is not; 0 .. 2
   int split_levels = 1;
+  /// kShared: rays of a slice's own, in each layer, where the shared ones are too coarse for its lobe; 0: none
+  int own_rays = 32;
   int paper_rays = 144;  ///< kPaper: rays per lobe, slice and layer
   float drop =
       1.0f / 1024;  ///< relative change of a slice below which it counts as free (layer 0) or nothing
