@@ -32,8 +32,11 @@ constexpr float kDark = 0.125f;          ///< light below this part of what is d
 constexpr float kWidthsApart = 4;        ///< directions at which all slices of a vertex are computed
 constexpr float kKappaPerSample = 0.6f;  ///< a lattice of n samples resolves lobes up to about 0.6 n
 /// Lobes that are resolved less than this have rays of their own. With those up to 1 there was more to trace
-/// at exponent 4096 (0.91), and no error smaller; at 8192 (0.62) errors fell to two fifths.
+/// at exponent 4096 and 8192 cells (0.91), and no error smaller; at 8192 (0.62) errors fell to two fifths.
 constexpr float kTooCoarse = 0.75f;
+/// Broader ones have none: however coarse the shared rays were asked to be, a few more of them serve many
+/// directions.
+constexpr float kSharp = 2000;
 
 /// Level of the directions whose views together see everything: a lobe of this kappa, turning with the mirror
 /// direction, sees up to twice its width 1 / sqrt(kappa) to each side.
@@ -217,7 +220,8 @@ class SharedGatherer : public Gatherer {
         StoreCosine(side, lobe, 1 - DeltaFromKappa(lobe.resolved_kappa()), place, &all, scratch, result);
         continue;
       }
-      if (scratch->own_rays && lobe.resolution < kTooCoarse &&
+      const bool too_coarse = lobe.resolution < kTooCoarse && lobe.kappa > kSharp;
+      if (too_coarse && scratch->own_rays &&
           GatherByOwnRays({side.row, side.back, column, k, ToWorld(aimed.fitted(i, k), side.frame)}, lobe,
                           SumDirect(side, cone, weight, scratch), place, scratch, result))
         continue;
@@ -247,7 +251,7 @@ class SharedGatherer : public Gatherer {
 
   static Vmf ToWorld(const Vmf& lobe, const Frame& frame) { return {frame.ToWorld(lobe.mu), lobe.kappa}; }
 
-  /// Stores a slice that the shared rays are too coarse for. False: nor does the lobe's own rays tell more.
+  /// Stores a slice that the shared rays are too coarse for. False: nor do rays of its own tell more.
   /// @param sums  over the lobe as broad as the shared rays resolve
   bool GatherByOwnRays(const DrawnLobe& drawn, SliceLobe lobe, const DirectSums& sums,
                        const SlicePlace& place, Scratch* scratch, BlockResult* result) {

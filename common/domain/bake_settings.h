@@ -34,7 +34,7 @@ struct BakeSettings {
   int base_level = 1;           ///< kShared, with angular_tolerance: level up to which nothing is left out
   float rays_per_kappa = 3.6f;  ///< kShared: base rays per unit of the vertex's sharpest kappa, at kappa 128
   int min_rays = 256;           ///< kShared: bounds on base rays per vertex
-  int max_rays = 8192;
+  int max_rays = 4096;
   /// kShared: rays are split in four, this often, where one is blocked and its neighbour is not; 0 .. 2
   int split_levels = 1;
   /// kShared: rays of a slice's own, in each layer, where the shared ones are too coarse for its lobe; 0: none

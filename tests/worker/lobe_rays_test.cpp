@@ -16,7 +16,7 @@
 namespace glint {
 namespace {
 
-constexpr float kSharp = 30000;  ///< of ten thousand cells and less none resolves it
+constexpr float kSharp = 30000;  ///< no lattice of 4096 cells resolves it
 
 Material Mirror(bool double_sided = false) {
   Material material;
@@ -207,7 +207,7 @@ TEST(OwnRaysTest, MirrorsShowMirrorsAsSharpAsTheyAre) {
     EXPECT_GT(count, 100);
     return sum / count;
   };
-  // Two reflections of kSharp each; the shared rays make the first as broad as 0.6 of 8192 cells resolve.
+  // Two reflections of kSharp each; the shared rays make the first as broad as 0.6 of 4096 cells resolve.
   EXPECT_NEAR(kappa_of(32), kSharp / 2, 0.05 * kSharp);
   EXPECT_LT(kappa_of(0), 6000);
 }
