@@ -42,17 +42,15 @@ struct DrawnLobe {
 /// result depends on what else is traced. Buffers are reused.
 class LobeRays {
  public:
-  /// Of an unusable share less than this, the shared rays say more: most of the lobe is under the surface.
-  static constexpr int kLeastShare = 8;
-
   LobeRays(const GatherInput& input, const SurfaceVertices& surface, const BakeSettings& settings);
 
   /// Traces BakeSettings::own_rays of them; half as many where the shared rays see no border and these
   /// neither.
   /// @return  how many were traced
   uint64_t Trace(const DrawnLobe& drawn, SharedView view);
-  /// False: what follows has no meaning, since too few rays leave the surface.
-  bool usable() const { return kLeastShare * leaving() >= spiral_ && leaving() > 0; }
+  /// False: most of the lobe lies under the surface, and too few rays leave it to tell more than the shared
+  /// ones. What follows is for usable rays alone.
+  bool usable() const { return leaving() > 0 && leaving() * kMostForOne >= spiral_; }
   /// How many leave the surface.
   int leaving() const { return static_cast<int>(rays_.size()); }
 
@@ -66,6 +64,8 @@ class LobeRays {
   LightList Light() { return samples_.List(); }
 
  private:
+  static constexpr int kMostForOne = 8;  ///< rays traced for one that leaves
+
   /// A direction on the spiral: 1 - its cosine to the axis, times kappa; and cosine and sine of its azimuth.
   struct SpiralPoint {
     float depth, x, y;

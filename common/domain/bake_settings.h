@@ -37,7 +37,7 @@ struct BakeSettings {
   int max_rays = 4096;
   /// kShared: rays are split in four, this often, where one is blocked and its neighbour is not; 0 .. 2
   int split_levels = 1;
-  /// kShared: rays of a slice's own, in each layer, where the shared ones are too coarse for its lobe; 0: none
+  /// kShared: rays of a slice's own, in each layer, where its lobe is too sharp for the shared ones; 0: none
   int own_rays = 32;
   int paper_rays = 144;  ///< kPaper: rays per lobe, slice and layer
   float drop =
