@@ -40,6 +40,7 @@ Json DescribeSettings(const BakeOptions& options) {
                  {"min_rays", s.min_rays},
                  {"max_rays", s.max_rays},
                  {"split_levels", s.split_levels},
+                 {"own_rays", s.own_rays},
                  {"slice_lobes", s.slice_lobes},
                  {"lobe_tolerance", s.lobe_tolerance}});
   } else {

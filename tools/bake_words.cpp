@@ -85,6 +85,10 @@ void AddAccuracyWords(CLI::App& app, BakeOptions& options) {
       ->check(CLI::Range(settings.min_rays, 1 << 20))
       ->each(fixes(BakeAxis::kRays))
       ->type_name("N");
+  add("--own-rays", settings.own_rays,
+      "shared: rays of a slice's own, in each layer, where its lobe is too sharp for the vertex's; 0: none")
+      ->check(CLI::Range(0, kMaxOwnRays))
+      ->type_name("N");
   add("--paper-rays", settings.paper_rays, "paper: rays per slice and layer")
       ->check(CLI::Range(1, 1 << 20))
       ->each(fixes(BakeAxis::kRays))

@@ -7,6 +7,7 @@
 #include "common/base/frame.h"
 #include "common/domain/direction_grid.h"
 #include "common/lobes/slice_sampler.h"
+#include "common/lobes/vmf.h"
 #include "worker/gather_kernel.h"
 
 namespace glint {
@@ -29,6 +30,8 @@ class AimedLobes {
   /// What samples are weighed by, of lobe k of slice i; and where that is not nothing.
   LobeWeight weight(size_t i, int k) const;
   QueryCone cone(size_t i, int k) const;
+  /// The fitted lobe itself, in the lattice's frame.
+  Vmf fitted(size_t i, int k) const { return {Point(lobes_[k].fitted, i), lobes_[k].fitted.kappa[i]}; }
   /// Share of the fitted lobe's kappa that samples are weighed by.
   float resolution(size_t i, int k) const { return lobes_[k].resolution[i]; }
   /// The lobe as it is read out whole: its direction, in the lattice's frame, and kappa.

@@ -179,14 +179,9 @@ class Fan {
     }
   }
 
-  /// Directions under the faces around the vertex do not leave the surface: neither free nor blocked. The
-  /// lobe's weight is shared out among the directions that do, as when a normal is bent towards its face.
   uint8_t Classify(const glm::vec3& direction, const Hit& hit) const {
-    if (glm::dot(direction, side_.geometric) <= 0) return HitSet::kInvalid;
-    if (!hit.hit()) return HitSet::kFree;
-    if (hit.t < surface_.touch_distance(vertex_) && surface_.Incident(hit.triangle, vertex_))
-      return HitSet::kInvalid;
-    return HitSet::kHit;
+    if (!surface_.Leaves(vertex_, side_, direction, hit)) return HitSet::kInvalid;
+    return hit.hit() ? HitSet::kHit : HitSet::kFree;
   }
 
   const GatherInput& input_;

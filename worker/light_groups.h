@@ -47,6 +47,8 @@ class LightSamples {
   /// @param light   RGB
   /// @param moment  first moment of its luminance
   void Add(const glm::vec3& light, const glm::vec3& moment);
+  /// Leaves none.
+  void Clear() { count_ = 0, total_ = {}; }
   /// Padded to whole groups of lanes; valid until the next sample is added.
   LightList List();
   const LightGroup& total() const { return total_; }

@@ -120,8 +120,7 @@ class PaperGatherer : public Gatherer {
       Ray ray;
       ray.origin = side.origin;
       ray.direction = sample(a, b);
-      if (glm::dot(ray.direction, side.normal) > 0 && glm::dot(ray.direction, side.geometric) > 0)
-        fan->rays.push_back(ray);
+      if (glm::dot(ray.direction, side.normal) > 0 && side.Faces(ray.direction)) fan->rays.push_back(ray);
     }
     fan->hits.resize(fan->rays.size());
     if (tracing_ == PaperTracing::kPackets) {
@@ -141,7 +140,7 @@ class PaperGatherer : public Gatherer {
     fan->queries.clear();
     for (size_t i = 0; i < fan->rays.size(); ++i) {
       const Hit& hit = fan->hits[i];
-      if (hit.hit() && hit.t < surface_.touch_distance(v) && surface_.Incident(hit.triangle, v)) continue;
+      if (surface_.Touches(v, hit)) continue;
       count += 1;
       if (!hit.hit()) {
         direct.visible += 1;

@@ -61,7 +61,7 @@ void PathFanTracer::Start(const SlicePoint& point, const glm::vec3& wo, int slot
   auto add = [&](const glm::vec3& direction) {
     FanPath& path = fan->paths.emplace_back();
     path.direction = direction;
-    path.leaves = glm::dot(direction, point.side.geometric) > 0;
+    path.leaves = point.side.Faces(direction);
   };
   if (slot == kDiffuse) {
     fan->lobe = {normal, kCosineKappa};
@@ -77,7 +77,7 @@ void PathFanTracer::Start(const SlicePoint& point, const glm::vec3& wo, int slot
     const glm::vec2 u = SequencePoint(offset, i);
     const glm::vec3 direction = SampleVmf(drawn, u.x, u.y);
     if (glm::dot(direction, normal) <= 0) continue;
-    if (point.vertex != kNone && glm::dot(direction, point.side.geometric) <= 0) continue;
+    if (point.vertex != kNone && !point.side.Faces(direction)) continue;
     add(direction);
   }
 }
@@ -93,9 +93,7 @@ void PathFanTracer::MeetFirst(const SlicePoint& point, PathFan* fan) const {
   for (size_t i = 0; i < hits.size(); ++i) {
     FanPath& path = fan->paths[i];
     path.hit = hits[i];
-    if (point.vertex != kNone && hits[i].hit() && hits[i].t < surface_.touch_distance(point.vertex) &&
-        surface_.Incident(hits[i].triangle, point.vertex))
-      path.leaves = false;
+    if (point.vertex != kNone && surface_.Touches(point.vertex, hits[i])) path.leaves = false;
   }
 }
 
@@ -122,22 +120,11 @@ void PathFanTracer::Follow(CounterRng* rng, FanPath* path) const {
   path->escape = direction;
 }
 
-/// The unoccluded lobe's mean is known: samples tell what blocking changes, as in the bake.
 DirectMoments DirectMomentsOf(const PathFan& fan) {
-  double leaving = 0, blocked = 0;
-  glm::dvec3 all_mean(0), blocked_mean(0);
-  for (const FanPath& path : fan.paths) {
-    if (!path.leaves) continue;
-    leaving += 1;
-    all_mean += glm::dvec3(path.direction);
-    if (!path.hit.hit()) continue;
-    blocked += 1;
-    blocked_mean += glm::dvec3(path.direction);
-  }
-  if (leaving == 0) return {.visible = 0};
-  if (blocked == 0) return {};
-  const double h = blocked / leaving, r = 1 - static_cast<double>(DeltaFromKappa(fan.lobe.kappa));
-  return {1 - h, (1 - h) * r * glm::dvec3(fan.lobe.mu) + h * (all_mean / leaving - blocked_mean / blocked)};
+  BlockedRays sums;
+  for (const FanPath& path : fan.paths)
+    if (path.leaves) sums.Add(path.direction, path.hit.hit());
+  return sums.Moments(fan.lobe);
 }
 
 VisibleParts DirectPartsOf(const PathFan& fan, const ReadOut& read_out) {

@@ -18,6 +18,21 @@ Vmf LobeOf(const glm::dvec3& m, double weight, const SliceLobe& lobe) {
   return {glm::vec3(m / length), KappaFromDelta(static_cast<float>(delta))};
 }
 
+void BlockedRays::Add(const glm::vec3& direction, bool is_blocked) {
+  all += 1;
+  all_sum += glm::dvec3(direction);
+  if (!is_blocked) return;
+  blocked += 1;
+  blocked_sum += glm::dvec3(direction);
+}
+
+DirectMoments BlockedRays::Moments(const SliceLobe& lobe) const {
+  if (all == 0) return {.visible = 0};
+  if (blocked == 0) return {};
+  const double h = blocked / all, r = 1 - static_cast<double>(DeltaFromKappa(lobe.kappa));
+  return {1 - h, (1 - h) * r * glm::dvec3(lobe.mu) + h * (all_sum / all - blocked_sum / blocked)};
+}
+
 DirectLobe DirectLobeOf(const SliceLobe& lobe, const DirectMoments& moments) {
   const Vmf mean = LobeOf(moments.mean, moments.visible, lobe);
   // What the coarser gathering lobe lost on its edge is narrower in proportion on the real one.

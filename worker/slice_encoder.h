@@ -27,6 +27,18 @@ struct DirectMoments {
   double visible = 1;  ///< weight of the unblocked ones, in [0, 1]
   glm::dvec3 mean{0};  ///< sum of weight * direction over the unblocked ones, world
 };
+
+/// Rays of equal weight that were drawn from a lobe and leave the surface.
+struct BlockedRays {
+  double all = 0, blocked = 0;            ///< counts
+  glm::dvec3 all_sum{0}, blocked_sum{0};  ///< of their directions, world
+
+  void Add(const glm::vec3& direction, bool is_blocked);
+  /// The unoccluded lobe's mean is known: rays tell what blocking changes. Nothing is visible if there are
+  /// none.
+  DirectMoments Moments(const SliceLobe& lobe) const;
+};
+
 struct IndirectMoments {
   glm::dvec3 alpha{0};   ///< mean light, RGB
   glm::dvec3 moment{0};  ///< mean of luminance * ||r|| mu, world

@@ -11,6 +11,7 @@ void HashSettings(const BakeSettings& s, Hasher* hasher) {
       .Add(s.min_rays)
       .Add(s.max_rays)
       .Add(s.split_levels)
+      .Add(s.own_rays)
       .Add(s.paper_rays)
       .Add(s.drop)
       .Add(s.bits_tolerance)

@@ -15,6 +15,8 @@ enum class GatherMethod : uint8_t {
   kPaper = 1,   ///< laurijssen2011: rays drawn from each slice's lobe, in every layer again
 };
 
+inline constexpr int kMaxOwnRays = 256;  ///< BakeSettings::own_rays
+
 /// How slices are read out of what was gathered; BakeSettings has the meanings.
 struct ReadOut {
   float drop = 0;
@@ -32,9 +34,11 @@ struct BakeSettings {
   int base_level = 1;           ///< kShared, with angular_tolerance: level up to which nothing is left out
   float rays_per_kappa = 3.6f;  ///< kShared: base rays per unit of the vertex's sharpest kappa, at kappa 128
   int min_rays = 256;           ///< kShared: bounds on base rays per vertex
-  int max_rays = 8192;
+  int max_rays = 4096;
   /// kShared: rays are split in four, this often, where one is blocked and its neighbour is not; 0 .. 2
   int split_levels = 1;
+  /// kShared: rays of a slice's own, in each layer, where its lobe is too sharp for the shared ones; 0: none
+  int own_rays = 32;
   int paper_rays = 144;  ///< kPaper: rays per lobe, slice and layer
   float drop =
       1.0f / 1024;  ///< relative change of a slice below which it counts as free (layer 0) or nothing

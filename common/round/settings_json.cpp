@@ -26,6 +26,7 @@ void VisitNumbers(Settings& s, const Visit& visit) {
   visit("min_rays", s.min_rays, 1, kMaxRays);
   visit("max_rays", s.max_rays, 1, kMaxRays);
   visit("split_levels", s.split_levels, 0, 2);
+  visit("own_rays", s.own_rays, 0, kMaxOwnRays);
   visit("paper_rays", s.paper_rays, 1, kMaxRays);
   visit("drop", s.drop, 0.0f, 1.0f);
   visit("bits_tolerance", s.bits_tolerance, 0.0f, 1.0f);

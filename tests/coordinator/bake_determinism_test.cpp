@@ -78,6 +78,8 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"PaperPaint", GatherMethod::kPaper, [] { return GeneratedPaint("planes"); }},
         Case{"NestedKnot", GatherMethod::kShared, [] { return Generated("knot"); }, 0.05f},
         Case{"NestedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); }, 0.05f},
+        Case{"SharpKnot", GatherMethod::kShared, [] { return Generated("knot", 500, 4096); }},
+        Case{"SharpNestedKnot", GatherMethod::kShared, [] { return Generated("knot", 500, 4096); }, 0.05f},
         Case{"RefinedFloor", GatherMethod::kShared, BallOnFloor, 0, 0.2f},
         Case{"RefinedPaint", GatherMethod::kShared, [] { return GeneratedPaint("planes"); }, 0, 0.2f},
         Case{"RefinedPaper", GatherMethod::kPaper, BallOnFloor, 0, 0.2f},
@@ -85,7 +87,7 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& c) { return std::string(c.param.name); });
 
 TEST(BakeSettingsTest, WhatDecidesTheResultShows) {
-  const Scene scene = Generated("planes");
+  const Scene scene = Generated("planes", 500, 4096);  // sharp enough for rays of slices' own
   BakeOptions options = SmallOptions();
   options.max_layers = 1;
   const auto expected = BakeHere(scene, options);
@@ -94,6 +96,7 @@ TEST(BakeSettingsTest, WhatDecidesTheResultShows) {
       [](BakeOptions* o) { o->settings.max_rays = 1024; },
       [](BakeOptions* o) { o->settings.drop = 0.1f; },
       [](BakeOptions* o) { o->settings.split_levels = 2; },
+      [](BakeOptions* o) { o->settings.own_rays = 16; },
       [](BakeOptions* o) { o->settings.method = GatherMethod::kPaper; },
       [](BakeOptions* o) { o->settings.angular_tolerance = 0.1f, o->settings.base_level = 0; },
       [](BakeOptions* o) { o->settings.spatial_tolerance = 0.2f; },

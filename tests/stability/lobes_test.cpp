@@ -212,7 +212,8 @@ double PartBeyondEdge(const glm::dvec3& mu, double kappa) {
 class LobeMethodTest : public testing::TestWithParam<GatherMethod> {};
 
 // A ceiling over x < 0 whose edge stands over the vertex: the sky is cut along a great circle, so that what
-// is free of a lobe is known whatever its kappa.
+// is free of a lobe is known whatever its kappa. No wider than needed: at 2000 floats do not tell the
+// sharpest lobes where it is.
 TEST_P(LobeMethodTest, HalfOccludedLobes) {
   for (const float exponent : {0.0f, 1.0f, 8.0f, 32.0f, 128.0f, 512.0f, 2048.0f, 1e4f, 1e5f, 1e6f}) {
     Material material = Glossy(exponent);
@@ -220,7 +221,7 @@ TEST_P(LobeMethodTest, HalfOccludedLobes) {
     MeshBuilder builder;
     const uint16_t m = builder.AddMaterial(material);
     builder.AddPatch({0, 0, 0}, {1e-3, 0, 0}, {0, 0, -1e-3}, 2, 2, m);
-    builder.AddPatch({-1000, 1, -1000}, {1000, 0, 0}, {0, 0, 2000}, 2, 2, m);
+    builder.AddPatch({-40, 1, -40}, {40, 0, 0}, {0, 0, 80}, 2, 2, m);
     const Baked baked(builder.Finish(AnyCamera()), {.method = GetParam(), .grid_level = 2});
     double square = 0, worst = 0;
     int count = 0;
@@ -237,8 +238,8 @@ TEST_P(LobeMethodTest, HalfOccludedLobes) {
     }
     const std::string name = "half-occluded lobes, exponent " + Short(exponent) + ", " + NameOf(GetParam());
     const bool shared = GetParam() == GatherMethod::kShared;
-    ExpectAtMost(name + ": rms error of the free part", std::sqrt(square / count), shared ? 0.02 : 0.04);
-    ExpectAtMost(name + ": worst", worst, shared ? 0.1 : 0.15);
+    ExpectAtMost(name + ": rms error of the free part", std::sqrt(square / count), shared ? 0.015 : 0.04);
+    ExpectAtMost(name + ": worst", worst, shared ? 0.06 : 0.15);
   }
 }
 

@@ -50,7 +50,7 @@ struct SmallBake {
   int layers = 0;       ///< indirect ones
   int grid_level = 1;   ///< 42 directions
   int rays = 1024;      ///< kShared: at least; kPaper: per slice, a quarter of it
-  int max_rays = 8192;  ///< kShared: at most
+  int max_rays = 4096;  ///< kShared: at most
 };
 
 /// A scene baked, checked and opened again.

@@ -60,6 +60,15 @@ std::vector<Axis> MakeAxes() {
        [](const std::string& text, Settings* s) {
          return TakeNumber(text, 0.01f, 1e4f, &s->bake.settings.rays_per_kappa);
        }},
+      {"own-rays",
+       "o",
+       "N",
+       "32",
+       "shared: rays of a slice's own where its lobe is too sharp for the vertex's; 0: none",
+       {"shared"},
+       [](const std::string& text, Settings* s) {
+         return TakeNumber(text, 0, kMaxOwnRays, &s->bake.settings.own_rays);
+       }},
       {"paper-rays",
        "p",
        "N",
