@@ -16,7 +16,7 @@ namespace glint {
 
 /// Part of every task's key: raised whenever a change to gathering, or to which vertices are baked, changes
 /// results, so that chunks of an older program are not taken for this one's.
-inline constexpr int kGatherRevision = 8;
+inline constexpr int kGatherRevision = 9;
 
 /// Gathers one layer, block by block. Implementations are pure functions of (domain, rays, settings, previous
 /// layer, block): any partition into blocks gives the same slices.
