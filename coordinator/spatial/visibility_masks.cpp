@@ -114,7 +114,12 @@ VisibilityMasks::Mask VisibilityMasks::Trace(uint32_t node) const {
     mask.free = mask.free && mask.outside[d];
     mask.dark = mask.dark && seen[d].open + seen[d].light <= 0;
   }
-  Blur(seen, &mask);
+  if (mask.free) {
+    mask.specular.fill(PackedSight::Pack({.open = 1}));
+    mask.hemisphere.open = 1;
+  } else {
+    Blur(seen, &mask);
+  }
   return mask;
 }
 
