@@ -26,28 +26,20 @@ using AxisSteps = std::array<int, kBakeAxes>;  ///< how often each axis is refin
 // ---- What to bake next ----
 
 /// What one step along an axis is expected to do. Factors are those of teapot and goblets between 162 and
-/// 2562 directions, with a margin: a round that ends late is lost.
+/// 2562 directions, with a margin: a round that ends late is lost. Vertices are those of teapot, goblets,
+/// bunny and dragon between spatial tolerances of 0.2 and 0.07.
 struct AxisModel {
   ErrorCause cause;
   double gain;            ///< the cause's part after the step, of that before
   double seconds, bytes;  ///< factors
 };
 constexpr std::array<AxisModel, kBakeAxes> kModels = {{
-    {ErrorCause::kSpatial, 0.75, 2.6, 2.6},
+    {ErrorCause::kSpatial, 0.7, 2.0, 2.2},
     {ErrorCause::kAngular, 0.5, 1.6, 2.2},
     {ErrorCause::kRays, 0.7, 2.0, 1.05},
     {ErrorCause::kLobes, 0.7, 1.5, 1.3},
     {ErrorCause::kBits, 0.5, 1.1, 1.3},
 }};
-/// The same of vertices where all of the mesh's are baked: every face is split in four.
-constexpr AxisModel kSplitModel = {ErrorCause::kSpatial, 0.4, 4.2, 4};
-
-/// What a step from the round's settings along an axis does.
-const AxisModel& Model(const TargetRound& round, int axis) {
-  const bool splits =
-      static_cast<BakeAxis>(axis) == BakeAxis::kVertices && round.settings.spatial_tolerance == 0;
-  return splits ? kSplitModel : kModels[static_cast<size_t>(axis)];
-}
 
 /// An axis is refined while its cause is above this part of the largest, and of the tolerance: errors add up
 /// by their squares, so that what is below changes the whole by an eighth at most.
@@ -62,14 +54,11 @@ constexpr float kFinestDrop = 1.0f / 65536;
 constexpr int kMostRays = 1 << 17;
 constexpr int kCoarsestLevel = 2;
 constexpr float kFinestSpatialTolerance = 0.02f, kSpatialStep = 1.5f;
-constexpr int kMostSplits = 2;
-/// From this part of the mesh's vertices on, choosing among them is not worth what is lost by it.
-constexpr double kAboutTheMesh = 0.7;
-/// Below this tolerance a teapot's and goblets' vertices were worth all being baked.
-constexpr float kWorthTheMesh = 0.05f;
+/// A first bake's spatial tolerance, in units of the tolerance, and its limits.
+constexpr float kFirstSpatial = 1.2f, kFinestFirst = 0.05f, kCoarsestFirst = 0.3f;
 
 double Cause(const TargetRound& round, int axis) {
-  return round.cause[static_cast<size_t>(Model(round, axis).cause)];
+  return round.cause[static_cast<size_t>(kModels[axis].cause)];
 }
 
 /// One step finer; false: there is none.
@@ -78,9 +67,6 @@ bool Refine(int axis, BakeSettings* s) {
   int& most_rays = shared ? s->max_rays : s->paper_rays;
   switch (static_cast<BakeAxis>(axis)) {
     case BakeAxis::kVertices:
-      // A tolerance that chose about as many vertices as the mesh has chose worse ones, as it does not know
-      // how the surface turns.
-      if (s->spatial_tolerance == 0) return s->subdivide < kMostSplits && ++s->subdivide;
       if (s->spatial_tolerance <= kFinestSpatialTolerance) return false;
       s->spatial_tolerance /= kSpatialStep;
       return true;
@@ -110,18 +96,10 @@ bool Refine(int axis, BakeSettings* s) {
 /// Factor that the steps along an axis are expected to take of a cost.
 double Growth(double of_a_step, int steps) { return std::pow(of_a_step, steps); }
 
-/// Whether steps along the vertices come to about as many as the mesh has: then all of those and no others
-/// are the better choice.
-bool ComesToTheMesh(const TargetRound& round, int steps) {
-  const double vertices = Growth(Model(round, static_cast<int>(BakeAxis::kVertices)).bytes, steps);
-  return steps > 0 && round.mesh_vertices > 1 && vertices > kAboutTheMesh * round.mesh_vertices;
-}
-
 BakeSettings Refined(const TargetRound& round, const AxisSteps& steps) {
   BakeSettings settings = round.settings;
   for (int a = 0; a < kBakeAxes; ++a)
     for (int i = 0; i < steps[a]; ++i) Refine(a, &settings);
-  if (ComesToTheMesh(round, steps[static_cast<size_t>(BakeAxis::kVertices)])) settings.spatial_tolerance = 0;
   return settings;
 }
 
@@ -129,20 +107,13 @@ struct RoundCost {
   double seconds, bytes;
 };
 
-/// How often as long a round with all of the mesh's vertices is expected to take. A coarse one's time is
-/// mostly reading, placing and its estimate's.
-double SecondsToMesh(const TargetRound& round) {
-  if (round.seconds <= 0) return round.mesh_vertices;
-  return 1 + round.layer_seconds / round.seconds * (round.mesh_vertices - 1);
-}
-
 /// What a round by those steps is expected to cost.
 RoundCost Expected(const TargetRound& round, const AxisSteps& steps) {
   RoundCost cost = {round.seconds, static_cast<double>(round.bytes)};
   for (int a = 0; a < kBakeAxes; ++a) {
-    const bool to_mesh = a == static_cast<int>(BakeAxis::kVertices) && ComesToTheMesh(round, steps[a]);
-    cost.seconds *= to_mesh ? SecondsToMesh(round) : Growth(Model(round, a).seconds, steps[a]);
-    cost.bytes *= to_mesh ? round.mesh_vertices : Growth(Model(round, a).bytes, steps[a]);
+    const AxisModel& model = kModels[a];
+    cost.bytes *= Growth(model.bytes, steps[a]);
+    cost.seconds *= Growth(model.seconds, steps[a]);
   }
   return cost;
 }
@@ -180,9 +151,9 @@ int StepsTo(const TargetRound& best, int axis, double aim) {
   BakeSettings settings = best.settings;
   double left = Cause(best, axis);
   int steps = 0;
-  while ((steps == 0 || left * std::sqrt(Model(best, axis).gain) > aim) && steps < kMostSteps &&
+  while ((steps == 0 || left * std::sqrt(kModels[axis].gain) > aim) && steps < kMostSteps &&
          Refine(axis, &settings)) {
-    left *= Model(best, axis).gain;
+    left *= kModels[axis].gain;
     ++steps;
   }
   return steps;
@@ -206,7 +177,7 @@ AxisSteps NotableSteps(const TargetRound& best, const BakeTarget& target) {
 
 /// Square of the error that a step takes out, for what it adds in time and bytes.
 double Worth(const TargetRound& best, int axis) {
-  const AxisModel& model = Model(best, axis);
+  const AxisModel& model = kModels[axis];
   const double cause = Cause(best, axis);
   return cause * cause * (1 - model.gain * model.gain) / (model.seconds * model.bytes - 1);
 }
@@ -223,7 +194,7 @@ std::vector<int> ByWorth(const TargetRound& best, const AxisSteps& steps) {
 bool ExpectedToReach(const TargetRound& best, const AxisSteps& steps, float tolerance) {
   double square = best.error * best.error;
   for (int a = 0; a < kBakeAxes; ++a) {
-    const double cause = Cause(best, a), left = cause * Growth(Model(best, a).gain, steps[a]);
+    const double cause = Cause(best, a), left = cause * Growth(kModels[a].gain, steps[a]);
     square -= cause * cause - left * left;
   }
   return square <= static_cast<double>(tolerance) * static_cast<double>(tolerance);
@@ -241,24 +212,13 @@ AxisSteps Needed(const TargetRound& best, AxisSteps steps, float tolerance) {
   return steps;
 }
 
-/// To a tolerance that is worth all of the mesh's vertices, those come before all else: what fewer of them
-/// would have taken is lost. Empty: not wanted, or there.
-std::vector<AxisSteps> MeshFirst(const TargetRound& best, const AxisSteps& wanted, float tolerance) {
-  constexpr auto kVertices = static_cast<size_t>(BakeAxis::kVertices);
-  if (wanted[kVertices] == 0 || tolerance <= 0 || tolerance >= kWorthTheMesh || best.mesh_vertices <= 1)
-    return {};
-  AxisSteps steps{};
-  while (!ComesToTheMesh(best, steps[kVertices])) ++steps[kVertices];
-  return {steps};
-}
-
 /// Candidates for the next round, the one wanted most first: what the tolerance needs if it is in reach, as
 /// cheaper axes would only cost more before a dear one without which it is not; axes of about the same worth,
 /// by all steps wanted, then by one; then without the axis of least worth, and so on; then each notable axis
 /// alone; last, as one step may be too few to show, by more.
 std::vector<AxisSteps> Candidates(const TargetRound& best, AxisSteps steps, float tolerance) {
   const std::vector<int> order = ByWorth(best, steps);
-  std::vector<AxisSteps> candidates = MeshFirst(best, steps, tolerance);
+  std::vector<AxisSteps> candidates;
   if (!order.empty() && ExpectedToReach(best, steps, tolerance))
     candidates.push_back(Needed(best, steps, tolerance));
   for (size_t n = order.size(); n > 0; --n) {
@@ -282,21 +242,6 @@ bool Same(const BakeSettings& a, const BakeSettings& b) { return SettingsToJson(
 bool Tried(std::span<const TargetRound> rounds, const BakeSettings& settings) {
   return std::any_of(rounds.begin(), rounds.end(),
                      [&](const TargetRound& round) { return Same(round.settings, settings); });
-}
-
-/// Whether the mesh's own vertices were tried where chosen ones were better.
-bool MeshWasWorse(std::span<const TargetRound> rounds) {
-  return std::any_of(rounds.begin(), rounds.end(), [](const TargetRound& round) {
-    return !round.kept && round.settings.spatial_tolerance == 0;
-  });
-}
-
-/// Seconds of a bake's layers, and of merging them.
-double LayerSeconds(const BakeReport& report) {
-  double sum = 0;
-  for (const auto& [stage, seconds] : report.stage_seconds)
-    if (stage.starts_with("layer ") || stage.starts_with("merge ")) sum += seconds;
-  return sum;
 }
 
 std::string Text(double value) {
@@ -337,9 +282,7 @@ Json ToJson(const TargetRound& round) {
           {"error", round.error},
           {"cause", round.cause},
           {"seconds", round.seconds},
-          {"layer_seconds", round.layer_seconds},
           {"bytes", round.bytes},
-          {"mesh_vertices", round.mesh_vertices},
           {"archive_key", round.archive_key},
           {"kept", round.kept}};
 }
@@ -353,9 +296,7 @@ std::optional<TargetRound> RoundFromJson(const Json& json) {
     json.at("error").get_to(round.error);
     json.at("cause").get_to(round.cause);
     json.at("seconds").get_to(round.seconds);
-    json.at("layer_seconds").get_to(round.layer_seconds);
     json.at("bytes").get_to(round.bytes);
-    json.at("mesh_vertices").get_to(round.mesh_vertices);
     json.at("archive_key").get_to(round.archive_key);
     json.at("kept").get_to(round.kept);
   } catch (const Json::exception&) {
@@ -507,10 +448,7 @@ class TargetBake {
     round.error = report.error->all.rms;
     round.cause = report.error->all.cause;
     round.seconds = seconds;
-    round.layer_seconds = std::min(LayerSeconds(report), seconds);
     round.bytes = report.archive_bytes;
-    round.mesh_vertices = static_cast<double>(report.vertices) /
-                          static_cast<double>(std::max<uint64_t>(report.baked_vertices, 1));
     round.archive_key = report.archive_key.Hex();
     const TargetRound* best = BestOf(rounds_);
     const uint64_t most = options_.target.max_bytes;
@@ -591,7 +529,7 @@ BakeSettings FirstSettings(const BakeSettings& settings, const BakeTarget& targe
   const float tolerance = target.tolerance > 0 && !budget ? target.tolerance : 1;
   BakeSettings first = settings;
   if (is_free(BakeAxis::kVertices))
-    first.spatial_tolerance = tolerance < kWorthTheMesh ? 0 : std::min(tolerance, 0.2f);
+    first.spatial_tolerance = std::clamp(kFirstSpatial * tolerance, kFinestFirst, kCoarsestFirst);
   if (is_free(BakeAxis::kDirections)) {
     first.grid_level = std::min(settings.grid_level, kCoarsestLevel);
     first.angular_tolerance = std::clamp(2 * tolerance, 0.05f, 0.2f);
@@ -620,11 +558,8 @@ std::vector<fs::path> ResultFiles(const fs::path& out_path) {
 }
 
 TargetStep NextStep(std::span<const TargetRound> rounds, const BakeTarget& target, double seconds_left) {
-  const TargetRound* kept = BestOf(rounds);
-  if (!kept) return {{}, false, "the coarsest bake has more bytes than it may"};
-  TargetRound found = *kept;
-  if (MeshWasWorse(rounds)) found.mesh_vertices = 0;
-  const TargetRound* best = &found;
+  const TargetRound* best = BestOf(rounds);
+  if (!best) return {{}, false, "the coarsest bake has more bytes than it may"};
   if (target.tolerance > 0 && best->error <= static_cast<double>(target.tolerance))
     return {{}, true, "the tolerance is reached"};
   bool budget = false, tried = false;

@@ -20,9 +20,7 @@ struct TargetRound {
   double error = 0;                          ///< ErrorSummary::rms of all layers
   std::array<double, kErrorCauses> cause{};  ///< the same summary's
   double seconds = 0;                        ///< wall time
-  double layer_seconds = 0;                  ///< of it, what went to layers: grows with the vertices
   uint64_t bytes = 0;                        ///< of the archive
-  double mesh_vertices = 0;                  ///< of the mesh, in units of those baked
   std::string archive_key;                   ///< hexadecimal
   bool kept = false;                         ///< better than those before it, and within the bytes
 };
@@ -35,8 +33,7 @@ struct TargetStep {
 };
 
 /// Settings of the first round: every axis that is free as coarse as what it then causes is worth the round,
-/// measured on teapots and goblets of 3,000 to 25,000 vertices; coarsest without a tolerance or with a
-/// budget.
+/// measured on teapots and goblets; coarsest without a tolerance or with a budget.
 BakeSettings FirstSettings(const BakeSettings& settings, const BakeTarget& target);
 
 /// Chooses the next round by the causes of the last kept one's error: of the axes whose cause stands out

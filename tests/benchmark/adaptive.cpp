@@ -29,6 +29,7 @@
 #include "coordinator/bake.h"
 #include "coordinator/error_estimate.h"
 #include "tests/benchmark/benchmark_support.h"
+#include "tests/benchmark/phong.h"
 
 namespace glint {
 namespace {
@@ -187,13 +188,7 @@ void PrintRivals(const std::vector<Bake>& uniform, const Bake& bake) {
 
 Scene MakeScene(const std::string& word, float exponent, const Arguments& args) {
   Scene scene = Need(fs::exists(word) ? LoadScene(word) : GenerateScene(word, {args.vertices, 0}));
-  if (exponent <= 0) return scene;
-  for (Material& material : scene.materials) {
-    material.model = MaterialModel::kPhong;
-    material.exponent = exponent;
-    material.specular = 0.9f * material.base_color;
-  }
-  scene.content = HashScene(scene);
+  MakePhong(exponent, &scene);
   return scene;
 }
 

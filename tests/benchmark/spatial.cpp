@@ -4,8 +4,8 @@
 //   glint_benchmark_spatial SCENE... [--vertices 12000] [--exponent 0] [--directions 162] [--layers 2]
 //                           [--tolerances 0,0.2,0.1] [--subdivide 0] [--slices 1000] [--threads N]
 //
-// SCENE: a glTF file, or the name of a generated one. Tolerance 0: every vertex. With --subdivide N, faces
-// are also split evenly, 1 to N times.
+// SCENE: a glTF file, or the name of a generated one; with an exponent, a file's materials all become Phong.
+// Tolerance 0: every vertex. With --subdivide N, faces are also split evenly, 1 to N times.
 
 #include <unistd.h>
 
@@ -22,6 +22,7 @@
 #include "coordinator/bake.h"
 #include "coordinator/error_estimate.h"
 #include "tests/benchmark/benchmark_support.h"
+#include "tests/benchmark/phong.h"
 
 namespace glint {
 namespace {
@@ -84,7 +85,8 @@ Arguments Parse(int argc, char** argv) {
 
 void RunScene(const std::string& word, const Arguments& args) {
   const bool file = fs::exists(word);
-  const Scene scene = Need(file ? LoadScene(word) : GenerateScene(word, {args.vertices, args.exponent}));
+  Scene scene = Need(file ? LoadScene(word) : GenerateScene(word, {args.vertices, args.exponent}));
+  if (file) MakePhong(args.exponent, &scene);
   const std::string name = fs::path(word).stem().string();
   BakeOptions options = args.bake;
   for (const float tolerance : args.tolerances) {

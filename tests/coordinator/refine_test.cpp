@@ -8,6 +8,7 @@
 #include <glm/geometric.hpp>
 
 #include "common/archive/archive.h"
+#include "common/scene/mesh_builder.h"
 #include "coordinator/spatial/predictions.h"
 #include "coordinator/spatial/vertex_hierarchy.h"
 #include "tests/base/temp_folder.h"
@@ -36,18 +37,19 @@ TEST(RefineTest, FewVerticesWhereNothingHappensAndManyWhereItDoes) {
   const auto all = BakeHere(scene, SmallOptions()), refined = BakeHere(scene, Refined(0.1f));
   ASSERT_TRUE(all->archive && refined->archive);
   const BakeDomain& domain = refined->archive->domain();
-  uint32_t ball = 0, near_floor = 0, far_floor = 0;
+  uint32_t ball = 0;
+  float near_floor = 0, far_floor = 0;  // per area
   for (uint32_t r = 0; r < domain.row_count(); ++r) {
     const glm::vec3 p = domain.NodePosition(domain.RowNode(r));
     const bool floor = p.y < -1.05f;
     const float distance = std::hypot(p.x, p.z);
     ball += !floor;
-    near_floor += floor && distance < 2;
-    far_floor += floor && distance > 3;
+    near_floor += floor && distance < 2 ? 1 / (3.1416f * 4) : 0;
+    far_floor += floor && distance > 3 ? 1 / (64 - 3.1416f * 9) : 0;
   }
   EXPECT_LT(ball, all->report.vertices / 2) << "a ball's own slices are all the same";
-  EXPECT_GT(near_floor, 12u);
-  EXPECT_GT(near_floor, far_floor);
+  EXPECT_GT(near_floor, 1);
+  EXPECT_GT(near_floor, 1.25f * far_floor);
 }
 
 TEST(RefineTest, ToleranceBuysError) {
@@ -57,6 +59,37 @@ TEST(RefineTest, ToleranceBuysError) {
   const auto few = BakeHere(scene, coarse), many = BakeHere(scene, fine);
   EXPECT_GT(many->report.baked_vertices, few->report.baked_vertices);
   EXPECT_LT(many->report.error->all.rms, few->report.error->all.rms);
+}
+
+/// A floor beside a wall that it mirrors, bent up to a height of `bend` towards both of its ends.
+Scene FloorBesideWall(float bend) {
+  MeshBuilder builder;
+  Material metal;
+  metal.metallic = 1;
+  metal.roughness = 0.3f;
+  const uint16_t mirror = builder.AddMaterial(metal);
+  builder.AddPatch({-1, 0, 1}, {2, 0, 0}, {0, 0, -2}, 24, 24, mirror);
+  const uint32_t floor = builder.vertex_count();
+  builder.AddPatch({-1, -0.5, -1.5}, {2, 0, 0}, {0, 3, 0}, 2, 2, mirror);
+  Scene scene = builder.Finish({});
+  for (uint32_t v = 0; v < floor; ++v) {
+    const float x = scene.positions[v].x;
+    scene.positions[v].y = bend * x * x;
+    scene.normals[v] = glm::normalize(glm::vec3(-2 * bend * x, 1, 0));
+  }
+  scene.content = HashScene(scene);
+  return scene;
+}
+
+TEST(RefineTest, WhereTheSurfaceTurnsItTakesMoreVerticesForWhatItReflects) {
+  const auto rows = [](float bend) {
+    BakeDomain domain = BuildBakeDomain(FloorBesideWall(bend), BrdfFitOptions{}, 1);
+    EXPECT_TRUE(RefineVertices(Refined(0.1f).settings, 1, &domain).ok());
+    uint32_t middle = 0;
+    for (const uint32_t node : domain.nodes.rows) middle += std::abs(domain.NodePosition(node).z) < 0.7f;
+    return middle;
+  };
+  EXPECT_GT(rows(0.2f), 2 * rows(0));
 }
 
 TEST(RefineTest, AtMostSoManyVertices) {
