@@ -25,19 +25,19 @@ using AxisSteps = std::array<int, kBakeAxes>;  ///< how often each axis is refin
 
 // ---- What to bake next ----
 
-/// What one step along an axis is expected to do. Factors are those of teapot and goblets between 162 and
-/// 2562 directions, with a margin: a round that ends late is lost. Vertices are those of teapot, goblets,
-/// bunny and dragon between spatial tolerances of 0.2 and 0.07.
+/// What one step along an axis is expected to do. Factors are those of teapots, goblets and a bunny between
+/// spatial tolerances of 0.3 and 0.09, 162 and 642 directions, a quarter of the rays and all, one lobe and
+/// four; a round that takes longer than expected is stopped under a budget, and is lost.
 struct AxisModel {
   ErrorCause cause;
   double gain;            ///< the cause's part after the step, of that before
   double seconds, bytes;  ///< factors
 };
 constexpr std::array<AxisModel, kBakeAxes> kModels = {{
-    {ErrorCause::kSpatial, 0.7, 2.0, 2.2},
-    {ErrorCause::kAngular, 0.5, 1.6, 2.2},
-    {ErrorCause::kRays, 0.7, 2.0, 1.05},
-    {ErrorCause::kLobes, 0.7, 1.5, 1.3},
+    {ErrorCause::kSpatial, 0.68, 1.8, 2.0},
+    {ErrorCause::kAngular, 0.65, 1.5, 1.9},
+    {ErrorCause::kRays, 0.75, 1.4, 1.05},
+    {ErrorCause::kLobes, 0.75, 1.4, 1.2},
     {ErrorCause::kBits, 0.5, 1.1, 1.3},
 }};
 
@@ -532,10 +532,10 @@ BakeSettings FirstSettings(const BakeSettings& settings, const BakeTarget& targe
     first.spatial_tolerance = std::clamp(kFirstSpatial * tolerance, kFinestFirst, kCoarsestFirst);
   if (is_free(BakeAxis::kDirections)) {
     first.grid_level = std::min(settings.grid_level, kCoarsestLevel);
-    first.angular_tolerance = std::clamp(2 * tolerance, 0.05f, 0.2f);
+    first.angular_tolerance = std::clamp(tolerance, 0.05f, 0.2f);
   }
   if (is_free(BakeAxis::kRays)) {
-    const float part = std::clamp(0.02f / tolerance, 0.25f, 1.0f);
+    const float part = std::clamp(0.04f / tolerance, 0.25f, 1.0f);
     const auto rays = [part](int all) {
       return std::max(static_cast<int>(std::lround(part * static_cast<float>(all))), 1);
     };

@@ -90,7 +90,7 @@ TEST(NextStepTest, TriesTheOtherAxesWhereThoseNeededWereNoBetter) {
   rounds.push_back(rounds[0]);
   rounds[1].settings = *NextStep({rounds.data(), 1}, target, 0).settings;
   rounds[1].kept = false;
-  EXPECT_EQ(Difference(rounds[0].settings, rounds[1].settings), (Steps{false, false, false, true, false}));
+  EXPECT_EQ(Difference(rounds[0].settings, rounds[1].settings), (Steps{true, false, false, false, false}));
   EXPECT_TRUE(NextStep(rounds, target, 0).settings);
 }
 
@@ -143,9 +143,8 @@ TEST(NextStepTest, WithinBudgetsTheBestForItsCostComesFirst) {
     const TargetStep next = NextStep(rounds, {.max_seconds = 1000, .max_bytes = max_bytes}, seconds_left);
     return next.settings ? Difference(rounds[0].settings, *next.settings) : Steps{};
   };
-  EXPECT_EQ(step(1000, 0), (Steps{false, true, true, true, false}));
-  EXPECT_EQ(step(35, 0), (Steps{false, false, true, true, false})) << "three times as long";
-  EXPECT_EQ(step(16, 0), (Steps{false, false, false, true, false}));
+  EXPECT_EQ(step(1000, 0), (Steps{false, false, true, true, false}));
+  EXPECT_EQ(step(16, 0), (Steps{false, false, true, false, false}));
   EXPECT_EQ(step(10, 0), Steps{});
   EXPECT_EQ(step(1000, 1'100'000), (Steps{false, false, true, false, false})) << "rays cost no bytes";
   EXPECT_EQ(step(1000, 1'000'000), Steps{});
