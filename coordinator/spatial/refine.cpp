@@ -119,6 +119,7 @@ class Refinement {
   void Test(std::vector<Candidate> candidates) {
     if (candidates.empty() || Full()) return;
     std::vector<uint32_t> nodes;
+    nodes.reserve(candidates.size());
     for (const Candidate& c : candidates) nodes.push_back(c.node);
     masks_.Look(nodes, threads_);
     ParallelFor(candidates.size(), threads_, 64, [&](size_t i, int) {

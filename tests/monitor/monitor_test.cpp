@@ -72,9 +72,9 @@ TEST_F(MonitorServerTest, ShowsMetricsAndHealth) {
 }
 
 TEST_F(MonitorServerTest, AnswersNothingElse) {
-  const auto server = MonitorServer::Start("localhost:0", What());
+  const auto server = MonitorServer::Start("127.0.0.1:0", What());
   ASSERT_TRUE(server.ok()) << server.status().message();
-  httplib::Client client("localhost", (*server)->port());
+  httplib::Client client("127.0.0.1", (*server)->port());
   EXPECT_EQ(client.Get("/")->status, 404);
   EXPECT_EQ(client.Get("/../etc/passwd")->status, 404);
   EXPECT_NE(client.Post("/metrics", std::string(100'000, 'x'), "text/plain")->status, 200);
